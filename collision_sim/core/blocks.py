@@ -1,0 +1,228 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which particles of a block may touch something: the same tests for all of them, branch-free.
+
+A block of particles fits the cache nearest to the core. Each shape has a loop over the particles
+of the block that LLVM turns into vector instructions; its sign agrees with the signed distance of
+shapes.py or errs towards "may touch", and the few particles that may touch are then treated one
+by one by response.py.
+"""
+
+from collision_sim.core.flight import affine, quadratic_factor
+from collision_sim.core.jit import kernel
+from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
+import numpy as np
+
+MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
+
+
+@kernel
+def radius_at(radius, i):
+    """Radius [m] of particle i; 0 where the particles are points (None)."""
+    if radius is not None:
+        return radius[i]
+    return 0.0
+
+
+@kernel
+def _slow_block(quadratic, vx, vy, vz, factor):
+    """Half a step of quadratic drag on a block, if there is any; the formula of flight.slowed."""
+    if quadratic is not None:
+        c, wx, wy, wz = quadratic[0], quadratic[1], quadratic[2], quadratic[3]
+        for i in range(vx.shape[0]):
+            ux, uy, uz = vx[i] - wx, vy[i] - wy, vz[i] - wz
+            factor[i] = quadratic_factor(np.sqrt(ux * ux + uy * uy + uz * uz), c)
+        for i in range(vx.shape[0]):
+            vx[i] = wx + factor[i] * (vx[i] - wx)
+        for i in range(vy.shape[0]):
+            vy[i] = wy + factor[i] * (vy[i] - wy)
+        for i in range(vz.shape[0]):
+            vz[i] = wz + factor[i] * (vz[i] - wz)
+
+
+@kernel
+def _fly_component(gains, end_shift, mean_shift, dt, x, v):
+    for i in range(x.shape[0]):
+        before = v[i]
+        x[i] = x[i] + dt * affine(gains, 1, before, mean_shift)
+        v[i] = affine(gains, 0, before, end_shift)
+
+
+@kernel
+def _copy(source, target):
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
+def fly_block(flight, x, y, z, vx, vy, vz, old, factor):
+    """
+    Move a block of particles by the candidate motion, in place; the formula of flight.fly.
+
+    Parameters
+    ----------
+    flight : Flight
+        Coefficients of the step.
+    x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
+        Overwritten with the candidate.
+    old : (6, BLOCK) float64
+        Overwritten with position and velocity at the start of the step.
+    factor : (B,) float64
+        Scratch.
+
+    """
+    _copy(x, old[0])
+    _copy(y, old[1])
+    _copy(z, old[2])
+    _copy(vx, old[3])
+    _copy(vy, old[4])
+    _copy(vz, old[5])
+    end, mean, gains, dt = flight.end_shift, flight.mean_shift, flight.gains, flight.dt
+    _slow_block(flight.quadratic, vx, vy, vz, factor)
+    _fly_component(gains, end[0], mean[0], dt, x, vx)
+    _fly_component(gains, end[1], mean[1], dt, y, vy)
+    _fly_component(gains, end[2], mean[2], dt, z, vz)
+    _slow_block(flight.quadratic, vx, vy, vz, factor)
+
+
+@kernel
+def _smaller(a, b):
+    return a if a < b else b
+
+
+@kernel
+def _larger(a, b):
+    return a if a > b else b
+
+
+@kernel
+def _square_limit(size, side, r):
+    limit = _larger(size + side * r, 0.0)
+    return limit * limit * (1.0 + side * MARGIN)
+
+
+@kernel
+def _clear_planes(present, table, poses, radius, x, y, z, clear):
+    if present is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] != PLANE:
+                continue
+            pose, side = poses[c], table[c, SIDE]
+            nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
+            for i in range(x.shape[0]):
+                q = nx * (x[i] - px) + ny * (y[i] - py) + nz * (z[i] - pz)
+                clear[i] = _smaller(clear[i], side * q - radius_at(radius, i))
+
+
+@kernel
+def _clear_spheres(present, table, poses, radius, x, y, z, clear):
+    if present is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] != SPHERE:
+                continue
+            pose, side = poses[c], table[c, SIDE]
+            size = table[c, SIZE]
+            px, py, pz = pose[9], pose[10], pose[11]
+            for i in range(x.shape[0]):
+                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+                limit = _square_limit(size, side, radius_at(radius, i))
+                clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
+
+
+@kernel
+def _clear_boxes(present, table, poses, radius, x, y, z, clear):
+    if present is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] != BOX:
+                continue
+            p, side = poses[c], table[c, SIDE]
+            h0, h1, h2 = table[c, SIZE:SIZE + 3]
+            r0, r1, r2, r3, r4, r5, r6, r7, r8 = p[:9]
+            px, py, pz = p[9], p[10], p[11]
+            for i in range(x.shape[0]):
+                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+                dx = abs(r0 * ax + r3 * ay + r6 * az) - h0
+                dy = abs(r1 * ax + r4 * ay + r7 * az) - h1
+                dz = abs(r2 * ax + r5 * ay + r8 * az) - h2
+                outside = _larger(dx, _larger(dy, dz))
+                clear[i] = _smaller(clear[i], side * outside - radius_at(radius, i))
+
+
+@kernel
+def _clear_capsules(present, table, poses, radius, x, y, z, clear):
+    if present is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] != CAPSULE:
+                continue
+            pose, side = poses[c], table[c, SIDE]
+            size, half = table[c, SIZE], table[c, SIZE + 1]
+            r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
+            px, py, pz = pose[9], pose[10], pose[11]
+            for i in range(x.shape[0]):
+                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+                lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
+                lz = r2 * ax + r5 * ay + r8 * az
+                lz = lz - _smaller(_larger(lz, -half), half)
+                limit = _square_limit(size, side, radius_at(radius, i))
+                clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
+
+
+@kernel
+def _clear_cylinders(present, table, poses, radius, x, y, z, clear):
+    if present is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] != CYLINDER:
+                continue
+            pose, side = poses[c], table[c, SIDE]
+            size, half = table[c, SIZE], table[c, SIZE + 1]
+            r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
+            px, py, pz = pose[9], pose[10], pose[11]
+            for i in range(x.shape[0]):
+                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+                lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
+                lz = r2 * ax + r5 * ay + r8 * az
+                r = radius_at(radius, i)
+                barrel = lx * lx + ly * ly - _square_limit(size, side, r)
+                outside = _larger(barrel, abs(lz) - (half + side * r) * (1.0 + side * MARGIN))
+                clear[i] = _smaller(clear[i], side * outside)
+
+
+@kernel
+def find_touching(present, table, poses, radius, x, y, z, clear, touching):
+    """
+    Particles of a block that may be inside a collider.
+
+    Parameters
+    ----------
+    present, table
+        As in shapes.signed_distance.
+    poses : (C, 12) float64
+        Poses at the end of the step.
+    radius : (B,) float64 [m] or None
+        Of the particles of the block.
+    x, y, z : (B,) float64 [m]
+        Candidate positions.
+    clear, touching : (B,) float64, (B,) int64
+        Scratch, and the result: which particles of the block, ascending.
+
+    Returns
+    -------
+    count : int
+        How many entries of `touching` are set.
+
+    """
+    for i in range(clear.shape[0]):
+        clear[i] = 1.0
+    _clear_planes(present.planes, table, poses, radius, x, y, z, clear)
+    _clear_spheres(present.spheres, table, poses, radius, x, y, z, clear)
+    _clear_boxes(present.boxes, table, poses, radius, x, y, z, clear)
+    _clear_capsules(present.capsules, table, poses, radius, x, y, z, clear)
+    _clear_cylinders(present.cylinders, table, poses, radius, x, y, z, clear)
+    count = 0
+    for i in range(clear.shape[0]):
+        touching[count] = i
+        count += clear[i] < 0.0
+    return count

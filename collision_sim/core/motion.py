@@ -1,0 +1,228 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+Rigid motion of colliders: poses over the steps of a call, and velocities of material points.
+
+A pose is 12 numbers: the rotation in row order, then the position [m]. A twist is 6 numbers:
+linear velocity of the position [m/s], then angular velocity [rad/s], world frame. Twists come from
+the script or the pose stream where these know them, else from the chords between poses.
+"""
+
+from math import cos, pi, sin, sqrt
+
+from collision_sim.core.jit import formula, kernel
+from collision_sim.core.rotation import turn_between
+from collision_sim.core.vectors import add, cross, origin, subtract
+import numpy as np
+
+POSE, TWIST, SCRIPT = 12, 6, 10         # row lengths of the tables
+# Columns of the motion table (S, C, MOTION), which is None where no collider moves:
+# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step.
+SHIFT, START, END, MOTION = 9, 12, 18, 24
+
+
+@kernel
+def turn_about(axis, angle, matrix, out):
+    """Write rotation(axis, angle) times matrix (9,) to out[:9], by Rodrigues' formula."""
+    s, c = sin(angle), 2.0 * sin(0.5 * angle) ** 2
+    for j in range(3):
+        column = (matrix[j], matrix[3 + j], matrix[6 + j])
+        first = cross(axis, column)
+        second = cross(axis, first)
+        for i in range(3):
+            out[3 * i + j] = column[i] + s * first[i] + c * second[i]
+
+
+@formula
+def scripted_pose(base, script, time, pose, twist):
+    """
+    Write the pose and twist of a scripted collider at a time, exactly, not by accumulation.
+
+    Parameters
+    ----------
+    base : (12,) float64
+        Pose at time 0.
+    script : (10,) float64
+        Linear velocity [m/s], angular velocity [rad/s], axis times amplitude [m], frequency [Hz].
+    time : float [s]
+        Since the start.
+    pose, twist : (12,), (6,) float64
+        Overwritten.
+
+    """
+    phase = 2.0 * pi * script[9]
+    swing, speed = sin(phase * time), phase * cos(phase * time)
+    for i in range(3):
+        pose[9 + i] = base[9 + i] + script[i] * time + script[6 + i] * swing
+        twist[i] = script[i] + script[6 + i] * speed
+        twist[3 + i] = script[3 + i]
+    rate = sqrt(script[3] ** 2 + script[4] ** 2 + script[5] ** 2)
+    if rate > 0.0:
+        axis = (script[3] / rate, script[4] / rate, script[5] / rate)
+        turn_about(axis, rate * time, base, pose)
+    else:
+        for k in range(9):
+            pose[k] = base[k]
+
+
+@formula
+def script_poses(scripted, bases, scripts, first, dt, poses, motion, twist):
+    """
+    Fill the tables of the scripted colliders over consecutive steps.
+
+    Parameters
+    ----------
+    scripted : (K,) int64
+        Which colliders follow a script.
+    bases, scripts : (C, 12), (C, 10) float64
+        As in `scripted_pose`.
+    first : int
+        Number of the first of these steps; it starts at time first * dt.
+    dt : float [s]
+        Length of a step.
+    poses, motion : (S + 1, C, 12), (S, C, MOTION) float64
+        Overwritten for these colliders: the poses, and the twists in motion.
+    twist : (6,) float64
+        Scratch.
+
+    """
+    for j in range(scripted.shape[0]):
+        c = scripted[j]
+        for s in range(poses.shape[0]):
+            scripted_pose(bases[c], scripts[c], (first + s) * dt, poses[s, c], twist)
+            if s < motion.shape[0]:
+                for k in range(TWIST):
+                    motion[s, c, START + k] = twist[k]
+            if s > 0:
+                for k in range(TWIST):
+                    motion[s - 1, c, END + k] = twist[k]
+
+
+@formula
+def fill_turns(poses, motion):
+    """Write turn and shift of every step, from poses (S + 1, C, 12), to motion (S, C, MOTION)."""
+    for s in range(motion.shape[0]):
+        for c in range(motion.shape[1]):
+            a, b, out = poses[s, c], poses[s + 1, c], motion[s, c]
+            same = True
+            for k in range(9):
+                same = same and a[k] == b[k]
+            for i in range(3):
+                for j in range(3):
+                    out[3 * i + j] = 0.0 if same else (
+                        b[3 * i] * a[3 * j] + b[3 * i + 1] * a[3 * j + 1]
+                        + b[3 * i + 2] * a[3 * j + 2] - (1.0 if i == j else 0.0))
+                out[SHIFT + i] = b[9 + i] - a[9 + i]
+
+
+def chord_twists(positions, orientations, dt):
+    """
+    Constant twists that lead from each pose to the next.
+
+    Parameters
+    ----------
+    positions, orientations : (S + 1, 3), (S + 1, 4) float64 [m], [-]
+        Unit quaternions x, y, z, w.
+    dt : float [s]
+        Time between them.
+
+    Returns
+    -------
+    twists : (S, 6) float64
+        Linear [m/s] and angular velocity [rad/s], the shortest way.
+
+    """
+    turns = [turn_between(a, b) for a, b in zip(orientations[:-1], orientations[1:])]
+    return np.concatenate([np.diff(positions, axis=0), turns], axis=1) / dt
+
+
+def end_twists(chords, before):
+    """
+    Twists at both ends of each step, estimated from chords.
+
+    Half the change of the chord is added where two successive changes agree in sign, the smaller
+    of the two (minmod): second order where the motion is smooth, and the chord itself, which gives
+    the right impulse, where the collider starts or stops at once.
+
+    Parameters
+    ----------
+    chords : (S, 6) float64
+        Twist of each step.
+    before : (2, 6) float64
+        Chords of the two steps before; NaN where there was none.
+
+    Returns
+    -------
+    start, end : (S, 6) float64
+
+    """
+    changes = np.diff(np.concatenate([before, chords]), axis=0)
+    new, old = changes[1:], changes[:-1]
+    smaller = np.where(np.abs(new) < np.abs(old), new, old)
+    half = np.where(new * old > 0.0, 0.5 * smaller, 0.0)
+    return chords - half, chords + half
+
+
+@kernel
+def chord_velocity(motion, poses, step, start, c, point, dt):
+    """
+    Mean velocity over a step of the material point of a collider that starts at `point`.
+
+    Parameters
+    ----------
+    motion : (S, C, MOTION) float64 or None
+        None where no collider moves.
+    poses : (S + 1, C, 12) float64
+        Poses of all colliders.
+    step, start, c : int
+        Row of motion, row of poses at the start of the step, collider.
+    point : (3,) tuple of float [m]
+        World frame, at the start of the step.
+    dt : float [s]
+        Length of the step.
+
+    Returns
+    -------
+    velocity : (3,) tuple of float [m/s]
+        (X(t+dt) X(t)^-1 x - x) / dt, which keeps a particle that rides along in place.
+
+    """
+    if motion is not None:
+        a = subtract(point, origin(poses, start, c))
+        return (
+            (motion[step, c, 9] + (motion[step, c, 0] * a[0] + motion[step, c, 1] * a[1]
+                                   + motion[step, c, 2] * a[2])) / dt,
+            (motion[step, c, 10] + (motion[step, c, 3] * a[0] + motion[step, c, 4] * a[1]
+                                    + motion[step, c, 5] * a[2])) / dt,
+            (motion[step, c, 11] + (motion[step, c, 6] * a[0] + motion[step, c, 7] * a[1]
+                                    + motion[step, c, 8] * a[2])) / dt)
+    return (0.0, 0.0, 0.0)
+
+
+@kernel
+def point_velocity(motion, poses, step, which, row, c, point):
+    """
+    Velocity of the material point of a collider at one end of a step.
+
+    Parameters
+    ----------
+    motion, poses, step, c, point
+        As in `chord_velocity`.
+    which : int
+        START or END.
+    row : int
+        Row of poses at that end.
+
+    Returns
+    -------
+    velocity : (3,) tuple of float [m/s]
+
+    """
+    if motion is not None:
+        k = which
+        linear = (motion[step, c, k], motion[step, c, k + 1], motion[step, c, k + 2])
+        angular = (motion[step, c, k + 3], motion[step, c, k + 4], motion[step, c, k + 5])
+        return add(linear, cross(angular, subtract(point, origin(poses, row, c))))
+    return (0.0, 0.0, 0.0)

@@ -1,0 +1,427 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+The response of one particle over one step: collision stage, contact stage, placing.
+
+The candidate starts at x0 with velocity v0, moves with the mean velocity u to x1 = x0 + dt u and
+ends with velocity w. Normals are those of the colliders at the END of the step, at x1; velocities
+are relative to the material point of the collider. All methods are made of two stages:
+
+- the collision stage (`collision_then_contact` only): elastic, on v0, the candidate is flown anew;
+- the contact stage: on u. `single_pass` and `multi_pass` apply restitution here and add the change
+  of u to w; `collision_then_contact` is inelastic here and applies the same law to w by itself, so
+  that rest, stick and slide on planes are exact.
+
+Then a particle that is still inside is placed outside. Who started inside a collider is repelled
+from it instead. Of several colliders the one in which the particle is deepest acts first.
+"""
+
+from typing import NamedTuple, Optional
+
+from collision_sim.core.flight import Flight, fly
+from collision_sim.core.jit import kernel
+from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, normal_impulse, repulsion,
+                                     wet_friction_capped, wet_friction_exponential,
+                                     wet_friction_linear)
+from collision_sim.core.motion import chord_velocity, END, point_velocity, START
+from collision_sim.core.shapes import (KINETIC, Present, RESTITUTION, signed_distance, SIZE,
+                                       STATIC, WET, WET_FORM)
+from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, largest, length, origin,
+                                        subtract)
+
+COLLISION, SLIDE, STICK, REPULSION = 1, 2, 3, 4         # states of a contact
+STATES = {COLLISION: 'collision', SLIDE: 'slide', STICK: 'stick', REPULSION: 'repulsion'}
+
+COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced')
+N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED = range(5)
+N_LOGGED, ACCOUNTS = 5, 6   # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
+
+# Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
+# collider, state, point [m], normal, change of velocity [m/s]; and of the notes
+# (blocks, NOTES, 3) on unplaced particles: particle, collider, other collider.
+POINT, NORMAL, CHANGE, LOG = 3, 6, 9, 12
+NOTES = 8
+MOST_CONTACTS = 4           # colliders logged for one particle in one step
+
+CHECKS = 3                  # most collisions of a particle in one step, as in the lecture
+PROJECTIONS = 8             # times a particle is pushed to the surface before the fail-safe
+ROUNDING = 16.0 * EPSILON   # relative size of a velocity or depth that is only rounding
+NONE = -1                   # no collider
+
+
+class Rules(NamedTuple):
+    """
+    What a step does: numbers and, where a feature is absent, None; no arrays.
+
+    present: the shapes; dry, wet: 1 if any collider has such friction; checks: 1 if the method has
+    a collision stage; passes: most passes of the contact stage; once: each collider at most once
+    in turn (`single_pass`); share [-] and highest [m/s]: the repulsion.
+    """
+
+    flight: Flight
+    present: Present
+    dry: Optional[int]
+    wet: Optional[int]
+    checks: Optional[int]
+    passes: int
+    once: bool
+    share: float
+    highest: float
+
+
+class Here(NamedTuple):
+    """Step of this call, rows of poses at its start and end, block, particle and its radius."""
+
+    step: int
+    start: int
+    end: int
+    block: int
+    particle: int
+    radius: float
+
+
+@kernel
+def distance(rules, here, table, poses, row, c, point):
+    """Signed distance [m] of the particle to a collider, with a row of poses."""
+    return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
+
+
+@kernel
+def starts_inside(rules, here, table, poses, c, x0):
+    """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
+    depth = -distance(rules, here, table, poses, here.start, c, x0)
+    scale = largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE]
+    return depth if depth > ROUNDING * scale else 0.0
+
+
+@kernel
+def deepest(rules, here, table, poses, x0, x1):
+    """
+    Collider in which the particle ends deepest, of those it started outside of.
+
+    Parameters
+    ----------
+    rules, here, table, poses
+        As in `resolve`.
+    x0, x1 : (3,) tuple of float [m]
+        Start and end of the step.
+
+    Returns
+    -------
+    c : int
+        NONE if it ends outside all; equally deep: the first.
+    phi : float [m]
+        Signed distance, negative.
+    n : (3,) tuple of float [-]
+
+    """
+    c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
+    for k in range(table.shape[0]):
+        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
+            c, phi = k, phi_k
+            n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+    return c, phi, n
+
+
+@kernel
+def approach(v, obj, n):
+    """Give the normal velocity [m/s] if it approaches by more than rounding, else 0."""
+    v_n = dot(subtract(v, obj), n)
+    return v_n if v_n < -ROUNDING * (largest(v) + largest(obj)) else 0.0
+
+
+@kernel
+def _dry_factor(dry, table, c, speed, dv_n):
+    if dry is not None:
+        if table[c, STATIC] * dv_n > 0.0:
+            return dry_friction(speed, dv_n, table[c, STATIC], table[c, KINETIC])
+    return 1.0
+
+
+@kernel
+def _wet_factor(wet, table, c, dv_n):
+    if wet is not None:
+        if table[c, WET_FORM] == EXPONENTIAL:
+            return wet_friction_exponential(table[c, WET], dv_n)
+        if table[c, WET_FORM] == CAPPED:
+            return wet_friction_capped(table[c, WET], dv_n)
+        return wet_friction_linear(table[c, WET], dv_n)
+    return 1.0
+
+
+@kernel
+def respond(rules, table, c, v, obj, n, v_n, dv_n):
+    """
+    Velocity after a change dv_n along the normal and the friction that it causes.
+
+    Parameters
+    ----------
+    rules, table, c
+        As in `resolve`; which collider.
+    v, obj, n : (3,) tuple of float [m/s], [-]
+        Velocities of the particle and of the material point, and the normal.
+    v_n, dv_n : float [m/s]
+        Normal velocity before, and its change, not negative.
+
+    Returns
+    -------
+    v : (3,) tuple of float [m/s]
+        Where the particle sticks, exactly the velocity of the material point plus (v_n + dv_n) n.
+    stuck : bool
+
+    """
+    relative = subtract(v, obj)
+    tangential = add_scaled(relative, -dot(relative, n), n)
+    factor = (_dry_factor(rules.dry, table, c, length(tangential), dv_n)
+              * _wet_factor(rules.wet, table, c, dv_n))
+    if factor == 0.0:
+        return add_scaled(obj, v_n + dv_n, n), True
+    after = add_scaled(v, dv_n, n)
+    if factor == 1.0:
+        return after, False
+    return add_scaled(after, factor - 1.0, tangential), False
+
+
+@kernel
+def record(log, accounts, here, c, state, point, n, dv):
+    """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
+    if log is not None:
+        b, i, rows = here.block, here.particle, accounts[here.block, N_LOGGED]
+        for k in range(max(rows - MOST_CONTACTS, 0), rows):
+            if log[b, k, 0] == i and log[b, k, 1] == c:
+                for d in range(3):
+                    log[b, k, CHANGE + d] += dv[d]
+                return
+        if rows >= MOST_CONTACTS and log[b, rows - MOST_CONTACTS, 0] == i or rows == log.shape[1]:
+            return
+        log[b, rows, 0], log[b, rows, 1], log[b, rows, 2] = i, c, state
+        for d in range(3):
+            log[b, rows, POINT + d], log[b, rows, NORMAL + d] = point[d], n[d]
+            log[b, rows, CHANGE + d] = dv[d]
+        accounts[b, N_LOGGED] = rows + 1
+
+
+@kernel
+def _hit(checks, rules, here, table, poses, motion, k, n, x0, v0):
+    """Give normal and material velocity of a collision on v0; 0 without that stage."""
+    if checks is not None:
+        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+        return approach(v0, obj, n), obj
+    return 0.0, (0.0, 0.0, 0.0)
+
+
+@kernel
+def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
+    """
+    Find the collider to act on next, of those that the particle ends inside of.
+
+    `collides` says whether the collision stage is still on.
+
+    Returns
+    -------
+    c : int
+        The deepest one that is approached with v0 if the collision stage is on and there is one,
+        else the deepest one that is approached with u or, where the particle started inside, not
+        left fast enough; else NONE.
+    phi : float [m]
+        Signed distance.
+    n, obj : (3,) tuple of float [-], [m/s]
+        Normal, and velocity of the material point: at the start of the step, or its chord.
+    v_n, target : float [m/s]
+        Normal velocity of v0 or u, and the separating speed to repel with, 0 if not repelled.
+    hit, inside : bool
+        Whether to act on v0; whether the particle ends inside any collider.
+
+    """
+    c, phi, n, v_n, target, obj = NONE, 0.0, (0.0, 0.0, 1.0), 0.0, 0.0, (0.0, 0.0, 0.0)
+    hit, inside, dt = False, False, rules.flight.dt
+    for k in range(table.shape[0]):
+        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        if phi_k >= 0.0:
+            continue
+        inside = True
+        n_k = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+        depth = starts_inside(rules, here, table, poses, k, x0)
+        if collides and depth == 0.0 and (phi_k < phi or not hit):
+            v_k, obj_k = _hit(rules.checks, rules, here, table, poses, motion, k, n_k, x0, v0)
+            if v_k < 0.0:
+                c, phi, n, v_n, target, obj, hit = k, phi_k, n_k, v_k, 0.0, obj_k, True
+        if not hit and phi_k < phi:
+            obj_k = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+            v_k, target_k = approach(u, obj_k, n_k), 0.0
+            if depth > 0.0:
+                v_k = dot(subtract(u, obj_k), n_k)
+                target_k = repulsion(depth, dt, rules.share, rules.highest)
+            if v_k < target_k:
+                c, phi, n, v_n, target, obj = k, phi_k, n_k, v_k, target_k, obj_k
+    return c, phi, n, v_n, target, obj, hit, inside
+
+
+@kernel
+def collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0):
+    """Collision stage: velocity at the start of the step after an elastic collision."""
+    dv_n = normal_impulse(v_n, table[c, RESTITUTION])
+    after, _ = respond(rules, table, c, v0, obj, n, v_n, dv_n)
+    record(log, accounts, here, c, COLLISION, add_scaled(x1, -phi, n), n, subtract(after, v0))
+    accounts[here.block, N_COLLISION] += 1
+    return after
+
+
+@kernel
+def _contact_target(checks, restitution, u_n, target, first):
+    """Give the normal velocity [m/s] after a pass: elastic only without a collision stage."""
+    if checks is not None:
+        return target
+    return u_n + normal_impulse(u_n, restitution) if first and target == 0.0 else target
+
+
+@kernel
+def _end_response(checks, rules, here, table, poses, motion, c, x1, n, du, w):
+    """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
+    if checks is not None:
+        obj = point_velocity(motion, poses, here.step, END, here.end, c, x1)
+        w_n = approach(w, obj, n)
+        if w_n < 0.0:
+            return respond(rules, table, c, w, obj, n, w_n, -w_n)[0]
+        return w
+    return add(w, du)
+
+
+@kernel
+def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, target, obj, u, w,
+          first):
+    """
+    One pass of the contact stage against one collider.
+
+    A particle that started inside is repelled: its approach ends, and the mean velocity gets the
+    separating speed of laws.repulsion. That speed is not kept in the end velocity, so that nothing
+    is shot out of a deep start.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity after it.
+
+    """
+    repelled = target > 0.0
+    target = _contact_target(rules.checks, table[c, RESTITUTION], u_n, target, first)
+    u_after, stuck = respond(rules, table, c, u, obj, n, u_n, target - u_n)
+    x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
+    if repelled:
+        w_after = _end_response(1, rules, here, table, poses, motion, c, x1, n, du, w)
+        state, counter = REPULSION, N_REPULSION
+    else:
+        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x1, n, du, w)
+        state, counter = (STICK if stuck else SLIDE), N_CONTACT
+        if target > 0.0:
+            state, counter = COLLISION, N_COLLISION
+    record(log, accounts, here, c, state, x1, n, subtract(w_after, w))
+    accounts[here.block, counter] += 1
+    return u_after, w_after
+
+
+@kernel
+def _place(rules, here, table, poses, motion, attempt, c, x0, x1):
+    """Where to try to place a particle: where it is, where it started, carried by collider c."""
+    if attempt == 0:
+        return x1
+    if attempt == 1:
+        return x0
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+    return add_scaled(x0, rules.flight.dt, obj)
+
+
+@kernel
+def place(rules, here, table, poses, motion, accounts, notes, x0, x1, w):
+    """
+    Get a particle out of the colliders that it started outside of.
+
+    It is pushed to the surfaces, deepest first, and its approach ends. Where that does not get it
+    out, the fail-safe puts it where it started, or where one of the colliders would have carried
+    it, with the velocity of that collider. Where all of that is inside something too, it rides
+    along with a collider and is counted and noted as unplaced.
+
+    Returns
+    -------
+    x1, w : (3,) tuple of float [m], [m/s]
+
+    """
+    last, other, colliders = 0, NONE, table.shape[0]
+    place, velocity = x1, w
+    for attempt in range(2 + colliders):
+        carrier = last if attempt < 2 else (last + attempt - 2) % colliders
+        place = _place(rules, here, table, poses, motion, attempt, carrier, x0, x1)
+        if attempt > 0:
+            velocity = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
+        if attempt == 1:
+            accounts[here.block, N_FAIL_SAFE] += 1
+        for k in range(PROJECTIONS + 1):
+            c, phi, n = deepest(rules, here, table, poses, x0, place)
+            if c == NONE:
+                return place, velocity
+            last, other = (c, last if c != last else other) if attempt == 0 else (last, c)
+            if k < PROJECTIONS:
+                obj = point_velocity(motion, poses, here.step, END, here.end, c, place)
+                velocity = add_scaled(velocity, -approach(velocity, obj, n), n)
+                rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c))
+                                      + here.radius)
+                place = add_scaled(place, k * rounding - phi, n)
+    note_unplaced(here, accounts, notes, last, other)
+    place = _place(rules, here, table, poses, motion, 2, last, x0, x1)
+    return place, point_velocity(motion, poses, here.step, END, here.end, last, place)
+
+
+@kernel
+def note_unplaced(here, accounts, notes, c, other):
+    """Count a particle that stays inside a collider, and note which one and what hems it in."""
+    seat = accounts[here.block, N_UNPLACED]
+    if seat < NOTES:
+        notes[here.block, seat, 0], notes[here.block, seat, 1] = here.particle, c
+        notes[here.block, seat, 2] = other
+    accounts[here.block, N_UNPLACED] = seat + 1
+
+
+@kernel
+def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
+    """
+    One step of a particle that may touch something.
+
+    Parameters
+    ----------
+    rules, here : Rules, Here
+        What to do, and where.
+    table, poses, motion, log, accounts, notes
+        Tables of shapes.py, motion.py and this module; the last three are written.
+    x0, v0 : (3,) tuple of float [m], [m/s]
+        State at the start of the step.
+
+    Returns
+    -------
+    x1, v1 : (3,) tuple of float [m], [m/s]
+
+    """
+    u, w = fly(rules.flight, v0)
+    hits, passes, before = 0, 0, NONE
+    while True:
+        x1 = add_scaled(x0, rules.flight.dt, u)
+        if passes == rules.passes:
+            break
+        c, phi, n, v_n, target, obj, hit, inside = survey(
+            rules, here, table, poses, motion, x0, x1, v0, u, passes == 0 and hits < CHECKS)
+        if not inside:
+            return x1, w
+        if c == NONE or (rules.once and c == before):
+            break
+        if hit:
+            v0 = collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0)
+            u, w = fly(rules.flight, v0)
+            hits += 1
+        else:
+            first = passes == 0 or rules.once
+            u, w = press(rules, here, table, poses, motion, log, accounts, x0, c, n, v_n, target,
+                         obj, u, w, first)
+            passes, before = passes + 1, c
+    return place(rules, here, table, poses, motion, accounts, notes, x0, x1, w)

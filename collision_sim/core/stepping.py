@@ -1,0 +1,90 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+The fixed-step methods over all particles: blocks of them, over the steps of a call, on threads.
+
+A block stays in the cache for all steps of a call: it is flown, tested and answered before the
+next block is touched. Blocks do not depend on the number of threads, and neither do results.
+"""
+
+from collision_sim.core.blocks import find_touching, fly_block, radius_at
+from collision_sim.core.jit import kernel
+from collision_sim.core.response import Here, N_LOGGED, resolve
+from numba import njit
+import numpy as np
+
+BLOCK = 512             # particles; their scratch fits the first-level cache
+FEW = 8 * BLOCK         # below this a second thread costs more than it brings
+
+
+@kernel
+def block_radius(radius, first, last):
+    """Radii of a block, None where there are none."""
+    if radius is not None:
+        return radius[first:last]
+    return None
+
+
+@kernel
+def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, x, v,
+               old, scratch, touching):
+    """
+    Take one block of particles through the steps of a call, in place.
+
+    A candidate that stays clear of all colliders is what the step leaves; the few that touch one
+    are answered by themselves from their state before the step, kept in `old`.
+    """
+    first, rows = block * BLOCK, poses.shape[0] - 1
+    last = min(first + BLOCK, x.shape[1])
+    px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
+    vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
+    near, clear = block_radius(radius, first, last), scratch[:last - first]
+    for step in range(steps):
+        start, end = min(step, rows), min(step + 1, rows)
+        accounts[block, N_LOGGED] = 0
+        fly_block(rules.flight, px, py, pz, vx, vy, vz, old, clear)
+        count = find_touching(rules.present, table, poses[end], near, px, py, pz, clear, touching)
+        for k in range(count):
+            j = touching[k]
+            here = Here(step, start, end, block, first + j, radius_at(near, j))
+            x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes,
+                             (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j]))
+            px[j], py[j], pz[j] = x1
+            vx[j], vy[j], vz[j] = v1
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def step_blocks(first, stride, rules, steps, table, poses, motion, radius, log, accounts, notes,
+                x, v):
+    """
+    Take every `stride`-th block from `first` on through the steps of a call, in place.
+
+    Parameters
+    ----------
+    first, stride : int
+        The blocks to take.
+    rules : response.Rules
+        What a step does.
+    steps : int
+        Not negative.
+    table : (C, shapes.COLUMNS) float64
+        The colliders.
+    poses : (S + 1, C, 12) float64
+        One row where nothing moves.
+    motion : (S, C, motion.MOTION) float64 or None
+        How the colliders move.
+    radius : (N,) float64 [m] or None
+        None for points.
+    log, accounts, notes
+        Of response.py, a segment for each block; written. log may be None.
+    x, v : (3, N) float64 [m], [m/s]
+        Written.
+
+    """
+    old, scratch = np.empty((6, BLOCK)), np.empty(BLOCK)
+    touching = np.empty(BLOCK + 1, dtype=np.int64)
+    for block in range(first, accounts.shape[0], stride):
+        step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, x, v,
+                   old, scratch, touching)

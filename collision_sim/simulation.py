@@ -1,0 +1,409 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+What happens in a scene: particles, colliders and time.
+
+`Simulation.step` owns the order of things; the arithmetic is in `core`.
+"""
+
+import math
+from numbers import Integral
+from typing import NamedTuple
+
+from collision_sim.checks import SceneError
+from collision_sim.core.motion import (chord_twists, END, end_twists, fill_turns, MOTION,
+                                       POSE, script_poses, START, TWIST)
+from collision_sim.core.response import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
+                                         N_LOGGED, NONE, NORMAL, NOTES, POINT)
+from collision_sim.core.rotation import quaternion
+from collision_sim.core.shapes import distances
+from collision_sim.core.stepping import BLOCK, FEW, step_blocks
+from collision_sim.core.threads import share
+from collision_sim.tables import collider_table, frames, pose_row, scripts, step_rules
+import numba
+import numpy as np
+
+STEPS_AT_ONCE = 1024        # steps of moving colliders that are laid out before a call
+NORM_TOLERANCE = 1e-3       # how far from 1 the norm of an orientation may be
+
+
+class Contacts(NamedTuple):
+    """
+    Contacts of the last step, M of them, ordered by particle.
+
+    Attributes
+    ----------
+    particle, collider : (M,) int64
+        Indices.
+    point : (M, 3) float64 [m]
+    normal : (M, 3) float64 [-]
+        Out of the collider.
+    impulse : (M, 3) float64 [N s]
+        On the particle, over the step, friction included.
+    state : (M,) int64
+        COLLISION, SLIDE, STICK or REPULSION of core.response.
+
+    """
+
+    particle: np.ndarray
+    collider: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    impulse: np.ndarray
+    state: np.ndarray
+
+
+class Track(NamedTuple):
+    """Poses (S, 12) of a collider at the ends of the next S steps; twists at both ends (S, 6)."""
+
+    poses: np.ndarray
+    starts: np.ndarray
+    ends: np.ndarray
+
+
+class Simulation:
+    """
+    Particles and colliders of a scene, stepped in time.
+
+    Parameters
+    ----------
+    scene : Scene
+    contacts : bool
+        Whether to record the contacts of each step.
+    threads : int or None
+        Most threads to use; None: as many as Numba would. Results do not depend on it.
+
+    Attributes
+    ----------
+    scene : Scene
+        As it is now, parameter changes included.
+    record_contacts : bool
+        May be changed between steps.
+
+    """
+
+    def __init__(self, scene, contacts=True, threads=None):
+        self.record_contacts = bool(contacts)
+        self._threads = threads
+        self._indices = {collider.name: k for k, collider in enumerate(scene.colliders)}
+        self._frames = frames(scene)
+        self._scripts, self._scripted = scripts(scene)
+        self._x = np.empty((3, len(scene.particles.position)))
+        self._v = np.empty_like(self._x)
+        blocks = -(-self._x.shape[1] // BLOCK)
+        self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
+        self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
+        self._log = None
+        radius = np.asarray(scene.particles.radius, dtype=np.float64)
+        self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
+            if np.any(radius) else None
+        self._adopt(scene)
+        self.reset()
+
+    def _adopt(self, scene):
+        """Take a scene whose values may differ from those of the scene before."""
+        self._table = collider_table(scene)
+        self._rules = step_rules(scene, self._table)
+        self.scene = scene
+
+    def reset(self):
+        """Go back to the start: particles, colliders, time and counters; parameters stay."""
+        self._x[:] = self.scene.particles.position.T
+        self._v[:] = self.scene.particles.velocity.T
+        self._count = 0
+        self._accounts[:] = 0
+        self._base = np.array([
+            pose_row(frame, collider.position, collider.orientation)
+            for frame, collider in zip(self._frames, self.scene.colliders)]).reshape(-1, POSE)
+        self._poses = self._base[None].copy()
+        self._motion = None
+        self._tracks = {}
+        self._chords = {}
+        self._given = {}
+        self._moves = len(self._scripted) > 0
+
+    # ------------------------------------------------------------------ state
+
+    @property
+    def time(self):
+        """Time since the start [s]."""
+        return self._count * self.dt
+
+    @property
+    def dt(self):
+        """Length of a step [s]."""
+        return self.scene.stepping.dt
+
+    @property
+    def position(self):
+        """Positions of the particles, (N, 3) float64 [m]; a view that may be written to."""
+        return self._x.T
+
+    @property
+    def velocity(self):
+        """Velocities of the particles, (N, 3) float64 [m/s]; a view that may be written to."""
+        return self._v.T
+
+    @property
+    def counters(self):
+        """Events since the start or the last reset, as a dict of int."""
+        totals = self._accounts[:, :len(COUNTERS)].sum(axis=0)
+        return dict(zip(COUNTERS, totals.tolist()))
+
+    @property
+    def unplaced(self):
+        """
+        Particles that were left inside a collider, as (particle, collider name, reason) tuples.
+
+        At most NOTES for every BLOCK particles since the start; the counter counts all.
+        """
+        names = [collider.name for collider in self.scene.colliders]
+        found = []
+        for account, notes in zip(self._accounts, self._notes):
+            for particle, c, other in notes[:account[COUNTERS.index('unplaced')]].tolist():
+                reason = f'hemmed in by {names[other]}' if other != NONE else 'no free place'
+                found.append((particle, names[c], reason))
+        return found
+
+    @property
+    def contacts(self):
+        """Contacts of the last step; none where `record_contacts` was off."""
+        rows = [self._log[b, :n] for b, n in enumerate(self._accounts[:, N_LOGGED])] \
+            if self._log is not None else []
+        log = np.concatenate(rows) if rows else np.empty((0, LOG))
+        particle, collider, state = log[:, :POINT].T.astype(np.int64)
+        mass = np.broadcast_to(self.scene.particles.mass, self._x.shape[1:])[particle]
+        return Contacts(particle, collider, log[:, POINT:NORMAL], log[:, NORMAL:CHANGE],
+                        mass[:, None] * log[:, CHANGE:], state)
+
+    def collider_pose(self, name):
+        """
+        Pose of a collider now.
+
+        Returns
+        -------
+        position, orientation : (3,), (4,) float64 [m], [-]
+            Quaternion x, y, z, w.
+
+        """
+        k = self._index(name)
+        row = self._poses[-1, k]
+        return row[9:].copy(), quaternion(row[:9].reshape(3, 3) @ self._frames[k].T)
+
+    def clearance(self):
+        """Signed distance from each particle to its nearest collider, (N,) float64 [m]."""
+        clear = np.full(self._x.shape[1], np.inf)
+        distances(self._rules.present, self._table, self._poses[-1:], self._x, clear)
+        return clear - self.scene.particles.radius
+
+    def energy(self):
+        """Kinetic energy plus potential energy in the gravity field, zero at the origin [J]."""
+        specific = 0.5 * np.square(self._v).sum(axis=0) - np.array(self.scene.gravity) @ self._x
+        return float(np.sum(self.scene.particles.mass * specific))
+
+    def momentum(self):
+        """Momentum of all particles, (3,) float64 [N s]."""
+        return (self.scene.particles.mass * self._v).sum(axis=1)
+
+    # ------------------------------------------------------------------ time
+
+    def step(self, n=1):
+        """
+        Take n steps of dt.
+
+        Parameters
+        ----------
+        n : int
+            Not negative.
+
+        """
+        if not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
+            raise SceneError('step', n, 'must be a whole number that is not negative')
+        while n > 0 and self.dt > 0.0:
+            steps = self._move_colliders(n)
+            self._move_particles(steps)
+            self._count += steps
+            n -= steps
+
+    def advance(self, duration):
+        """
+        Take the whole number of steps that is nearest to a duration.
+
+        Parameters
+        ----------
+        duration : float [s]
+            Not negative.
+
+        Returns
+        -------
+        steps : int
+
+        """
+        if not (isinstance(duration, (int, float)) and 0.0 <= duration < math.inf):
+            raise SceneError('advance', duration, 'must be a finite number that is not negative')
+        steps = round(duration / self.dt) if self.dt > 0.0 else 0
+        self.step(steps)
+        return steps
+
+    def _move_colliders(self, most):
+        """Lay out the poses of the next steps; the number of steps laid out."""
+        self._poses = self._poses[-1:]
+        if not self._moves:
+            return most
+        tracks, self._tracks = self._tracks, {}
+        steps = min([most, STEPS_AT_ONCE, *(len(track.poses) for track in tracks.values())])
+        poses = np.repeat(self._poses, steps + 1, axis=0)
+        motion = np.zeros((steps, len(self._table), MOTION))
+        script_poses(self._scripted, self._base, self._scripts, self._count, self.dt, poses,
+                     motion, np.empty(TWIST))
+        for k, track in tracks.items():
+            poses[1:, k] = track.poses[:steps]
+            motion[:, k, START:END] = track.starts[:steps]
+            motion[:, k, END:] = track.ends[:steps]
+            if len(track.poses) > steps:
+                self._tracks[k] = Track(*(part[steps:] for part in track))
+        self._rest_colliders(tracks, steps)
+        fill_turns(poses, motion)
+        self._poses, self._motion = poses, motion
+        return steps
+
+    def _rest_colliders(self, tracks, steps):
+        """Colliders that were moved before and are not now stand still from here on."""
+        for k in self._chords.keys() - tracks.keys():
+            still = np.zeros((min(steps, 2), TWIST))
+            self._chords[k] = np.concatenate([self._chords[k], still])[-2:]
+            self._given.pop(k, None)
+
+    def _move_particles(self, steps):
+        """Run the kernels over all blocks of particles."""
+        if self.record_contacts != (self._log is not None):
+            rows = BLOCK * min(len(self._table), MOST_CONTACTS)
+            self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
+                else None
+        args = (self._rules, steps, self._table, self._poses, self._motion, self._radius,
+                self._log, self._accounts, self._notes, self._x, self._v)
+        if self._x.shape[1] <= FEW:
+            step_blocks(0, 1, *args)
+        else:
+            share(step_blocks, self._threads or numba.get_num_threads(), *args)
+
+    # ------------------------------------------------------------------ changes from outside
+
+    def set_parameter(self, path, value):
+        """
+        Change a value of the scene from the next step on.
+
+        Parameters
+        ----------
+        path : str
+            Such as 'restitution' (default of all colliders) or 'colliders.ground.friction.dry'.
+        value : float, int or sequence of 3 float
+            SI units.
+
+        Raises
+        ------
+        SceneError
+            Unknown path, or value out of range; nothing has changed then.
+
+        """
+        self._adopt(self.scene.with_parameter(path, value))
+
+    def move_collider(self, name, position, orientation, twist=None):
+        """
+        Move a collider over the next step, or over several.
+
+        Parameters
+        ----------
+        name : str
+            Of a collider without a script.
+        position : (3,) or (S, 3) float [m]
+            At the END of the next step, or at the ends of the next S steps; the steps sweep from
+            the pose before. Afterwards the collider stands still.
+        orientation : (4,) or (S, 4) float [-]
+            Quaternion x, y, z, w.
+        twist : (6,) or (S, 6) float, optional
+            Linear [m/s] and angular velocity [rad/s] at those ends, where they are known; else
+            they are estimated from the poses (core.motion.end_twists).
+
+        Raises
+        ------
+        SceneError
+            Unknown or scripted collider, value not finite, orientation not of unit norm.
+
+        """
+        k = self._index(name)
+        if k in self._scripted:
+            raise SceneError(f'colliders.{name}', 'move_collider', 'it follows its own script')
+        p = _rows(f'colliders.{name}.position', position, 3)
+        q = _unit(f'colliders.{name}.orientation', orientation, len(p))
+        given = None if twist is None else _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
+        before_p, before_q = self.collider_pose(name)
+        chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]), self.dt or 1.0)
+        before = self._chords.get(k, np.full((2, TWIST), np.nan))
+        starts, ends = end_twists(chords, before)
+        if given is not None:
+            first = self._given.get(k, starts[0])
+            starts, ends = np.vstack([first, given[:-1]]), given
+        poses = np.array([pose_row(self._frames[k], *pose) for pose in zip(p, q)])
+        self._tracks[k] = Track(poses, starts, ends)
+        self._chords[k] = np.concatenate([before, chords])[-2:]
+        if given is not None:
+            self._given[k] = given[-1]
+        self._moves = True
+
+    def place_collider(self, name, position, orientation):
+        """
+        Teleport a collider: new pose, no velocity, no sweep.
+
+        Parameters
+        ----------
+        name : str
+            Of a collider without a script.
+        position, orientation : (3,), (4,) float [m], [-]
+            From now on.
+
+        Raises
+        ------
+        SceneError
+            As `move_collider`.
+
+        """
+        k = self._index(name)
+        if k in self._scripted:
+            raise SceneError(f'colliders.{name}', 'place_collider', 'it follows its own script')
+        p = _rows(f'colliders.{name}.position', position, 3, 1)
+        q = _unit(f'colliders.{name}.orientation', orientation, 1)
+        self._poses = self._poses[-1:].copy()
+        self._poses[0, k] = pose_row(self._frames[k], p[0], q[0])
+        for history in (self._tracks, self._chords, self._given):
+            history.pop(k, None)
+
+    def _index(self, name):
+        if name not in self._indices:
+            allowed = 'must be one of ' + (', '.join(self._indices) or '(no colliders)')
+            raise SceneError('collider', name, allowed)
+        return self._indices[name]
+
+
+def _rows(key, value, columns, count=None):
+    """Value as finite rows of `columns` numbers, `count` of them if that is given."""
+    try:
+        rows = np.atleast_2d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        rows = np.empty((0, 0))
+    if rows.ndim != 2 or rows.shape[1] != columns or len(rows) not in (count or len(rows), ) \
+            or not len(rows) or not np.isfinite(rows).all():
+        many = '' if count is None else f' in {count} row(s)'
+        raise SceneError(key, value, f'must be {columns} finite numbers{many}')
+    return rows
+
+
+def _unit(key, value, count):
+    """Rows of unit quaternions."""
+    rows = _rows(key, value, 4, count)
+    norms = np.sqrt(np.square(rows).sum(axis=1, keepdims=True))
+    if not (np.abs(norms - 1.0) <= NORM_TOLERANCE).all():
+        raise SceneError(key, value, f'must have norm 1 within {NORM_TOLERANCE}')
+    return np.where(norms == 1.0, rows, rows / norms)

@@ -1,0 +1,88 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+The tables that the kernels read, made from a scene.
+
+A row for each collider: shape and laws (shapes.py), pose at the start, script of its motion
+(motion.py). Done when a simulation starts and when a parameter changes, never in a step.
+"""
+
+from collision_sim.core.flight import flight_coefficients
+from collision_sim.core.laws import WET_FORMS
+from collision_sim.core.motion import POSE, SCRIPT
+from collision_sim.core.response import Rules
+from collision_sim.core.rotation import rotation_matrix
+from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES
+import numpy as np
+
+INSIDE, OUTSIDE = -1.0, 1.0
+
+
+def collider_table(scene):
+    """Shapes and laws of the colliders, (C, COLUMNS)."""
+    table = np.zeros((len(scene.colliders), COLUMNS))
+    for row, collider in zip(table, scene.colliders):
+        friction = scene.friction_of(collider)
+        row[:] = (SHAPES[collider.shape], INSIDE if collider.inside else OUTSIDE, *collider.size,
+                  scene.restitution_of(collider), friction.static or 0.0, friction.kinetic or 0.0,
+                  friction.wet or 0.0, WET_FORMS[friction.wet_form])
+    return table
+
+
+def _used(flags):
+    """1 if any flag is set, else None, for which nothing is compiled."""
+    return 1 if any(flags) else None
+
+
+def step_rules(scene, table):
+    """Say what a step does in this scene, as response.Rules."""
+    stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
+    flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
+    present = Present(*(_used(table[:, KIND] == kind) for kind in SHAPES.values()))
+    once = stepping.method == 'single_pass'
+    return Rules(
+        flight, present, dry=_used(f.static is not None for f in frictions),
+        wet=_used(f.wet is not None for f in frictions),
+        checks=_used([stepping.method == 'collision_then_contact']),
+        passes=max(len(table), 1) if once else stepping.iterations, once=once,
+        share=stepping.repulsion, highest=stepping.repulsion_speed)
+
+
+def plane_frame(normal):
+    """Rotation matrix (3, 3) whose third column is a unit normal, exactly."""
+    n = np.array(normal)
+    first = np.cross(np.eye(3)[np.argmin(np.abs(n))], n)
+    first /= np.linalg.norm(first)
+    if np.array_equal(n, (0.0, 0.0, 1.0)):
+        return np.eye(3)
+    return np.stack([first, np.cross(n, first), n], axis=1)
+
+
+def frames(scene):
+    """Rotation of each shape in the frame of its collider, (C, 3, 3): planes have a normal."""
+    return np.array([plane_frame(c.normal) if c.shape == 'plane' else np.eye(3)
+                     for c in scene.colliders]).reshape(-1, 3, 3)
+
+
+def pose_row(frame, position, orientation):
+    """Row of the table of poses, (12,)."""
+    row = np.empty(POSE)
+    row[:9] = (rotation_matrix(orientation) @ frame).ravel()
+    row[9:] = position
+    return row
+
+
+def scripts(scene):
+    """Scripts of the colliders' motion, (C, SCRIPT), and which colliders have one."""
+    table = np.zeros((len(scene.colliders), SCRIPT))
+    for row, collider in zip(table, scene.colliders):
+        if collider.motion:
+            row[:3], row[3:6] = collider.motion.linear_velocity, collider.motion.angular_velocity
+            swing = collider.motion.oscillate
+            if swing:
+                row[6:9] = np.multiply(swing.axis, swing.amplitude)
+                row[9] = swing.frequency
+    which = [k for k, collider in enumerate(scene.colliders) if collider.motion]
+    return table, np.array(which, dtype=np.int64)
