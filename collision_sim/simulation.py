@@ -13,7 +13,7 @@ from numbers import Integral
 from typing import NamedTuple
 
 from collision_sim.checks import SceneError
-from collision_sim.core.motion import (chord_twists, END, end_twists, fill_turns, MOTION,
+from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns, MOTION,
                                        POSE, script_poses, START, TWIST)
 from collision_sim.core.response import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                          N_LOGGED, NONE, NORMAL, NOTES, POINT)
@@ -61,6 +61,7 @@ class Track(NamedTuple):
     poses: np.ndarray
     starts: np.ndarray
     ends: np.ndarray
+    estimated: bool
 
 
 class Simulation:
@@ -261,9 +262,10 @@ class Simulation:
         for k, track in tracks.items():
             poses[1:, k] = track.poses[:steps]
             motion[:, k, START:END] = track.starts[:steps]
-            motion[:, k, END:] = track.ends[:steps]
+            motion[:, k, END:ESTIMATED] = track.ends[:steps]
+            motion[:, k, ESTIMATED] = track.estimated
             if len(track.poses) > steps:
-                self._tracks[k] = Track(*(part[steps:] for part in track))
+                self._tracks[k] = Track(*(part[steps:] for part in track[:3]), track.estimated)
         self._rest_colliders(tracks, steps)
         fill_turns(poses, motion)
         self._poses, self._motion = poses, motion
@@ -347,7 +349,7 @@ class Simulation:
             first = self._given.get(k, starts[0])
             starts, ends = np.vstack([first, given[:-1]]), given
         poses = np.array([pose_row(self._frames[k], *pose) for pose in zip(p, q)])
-        self._tracks[k] = Track(poses, starts, ends)
+        self._tracks[k] = Track(poses, starts, ends, given is None)
         self._chords[k] = np.concatenate([before, chords])[-2:]
         if given is not None:
             self._given[k] = given[-1]

@@ -19,8 +19,9 @@ import numpy as np
 
 POSE, TWIST, SCRIPT = 12, 6, 10         # row lengths of the tables
 # Columns of the motion table (S, C, MOTION), which is None where no collider moves:
-# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step.
-SHIFT, START, END, MOTION = 9, 12, 18, 24
+# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, and 1
+# where these are estimated from the poses.
+SHIFT, START, END, ESTIMATED, MOTION = 9, 12, 18, 24, 25
 
 
 @kernel

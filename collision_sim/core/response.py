@@ -25,7 +25,7 @@ from collision_sim.core.jit import kernel
 from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, normal_impulse, repulsion,
                                      wet_friction_capped, wet_friction_exponential,
                                      wet_friction_linear)
-from collision_sim.core.motion import chord_velocity, END, point_velocity, START
+from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
 from collision_sim.core.shapes import (KINETIC, Present, RESTITUTION, signed_distance, SIZE,
                                        STATIC, WET, WET_FORM)
 from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, largest, length, origin,
@@ -46,7 +46,8 @@ NOTES = 8
 MOST_CONTACTS = 4           # colliders logged for one particle in one step
 
 CHECKS = 3                  # most collisions of a particle in one step, as in the lecture
-PROJECTIONS = 8             # times a particle is pushed to the surface before the fail-safe
+PUSHES = 12                 # times a particle is pushed to a surface before the fail-safe
+PARALLEL = 1e-14            # square of the sine below which two normals are parallel
 ROUNDING = 16.0 * EPSILON   # relative size of a velocity or depth that is only rounding
 NONE = -1                   # no collider
 
@@ -89,11 +90,16 @@ def distance(rules, here, table, poses, row, c, point):
 
 
 @kernel
+def rounding_depth(here, table, poses, c, x0):
+    """Distance [m] to a collider at the start of the step that is only rounding."""
+    return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])
+
+
+@kernel
 def starts_inside(rules, here, table, poses, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
     depth = -distance(rules, here, table, poses, here.start, c, x0)
-    scale = largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE]
-    return depth if depth > ROUNDING * scale else 0.0
+    return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
 
 
 @kernel
@@ -279,20 +285,39 @@ def _contact_target(checks, restitution, u_n, target, first):
 
 
 @kernel
-def _end_response(checks, rules, here, table, poses, motion, c, x1, n, du, w):
+def _end_change(motion, rules, here, table, poses, c, x0, w_n, du_n):
+    """
+    Change of normal velocity that ends the approach of w.
+
+    Where the velocity of the collider at the end is only estimated and the particle has been in
+    contact from the start, the change is at most that of the constant force that moved it by
+    dt du_n: a support that falls away does not drag it along or push it up.
+    """
+    if motion is not None:
+        if motion[here.step, c, ESTIMATED] > 0.0:
+            gap = distance(rules, here, table, poses, here.start, c, x0)
+            if gap <= rounding_depth(here, table, poses, c, x0):
+                return min(-w_n, 2.0 * du_n)
+    return -w_n
+
+
+@kernel
+def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w, hit):
     """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
     if checks is not None:
         obj = point_velocity(motion, poses, here.step, END, here.end, c, x1)
         w_n = approach(w, obj, n)
         if w_n < 0.0:
-            return respond(rules, table, c, w, obj, n, w_n, -w_n)[0]
+            dw_n = -w_n if hit else _end_change(
+                motion, rules, here, table, poses, c, x0, w_n, dot(du, n))
+            return respond(rules, table, c, w, obj, n, w_n, dw_n)[0]
         return w
     return add(w, du)
 
 
 @kernel
 def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, target, obj, u, w,
-          first):
+          first, hit):
     """
     One pass of the contact stage against one collider.
 
@@ -311,10 +336,12 @@ def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, targe
     u_after, stuck = respond(rules, table, c, u, obj, n, u_n, target - u_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     if repelled:
-        w_after = _end_response(1, rules, here, table, poses, motion, c, x1, n, du, w)
+        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, w,
+                                True)
         state, counter = REPULSION, N_REPULSION
     else:
-        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x1, n, du, w)
+        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
+                                w, hit)
         state, counter = (STICK if stuck else SLIDE), N_CONTACT
         if target > 0.0:
             state, counter = COLLISION, N_COLLISION
@@ -324,54 +351,86 @@ def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, targe
 
 
 @kernel
-def _place(rules, here, table, poses, motion, attempt, c, x0, x1):
-    """Where to try to place a particle: where it is, where it started, carried by collider c."""
+def _free_part(n, a, b):
+    """Give the part of normal n along the surfaces with normals a and b; zero: no such surface."""
+    t = add_scaled(n, -dot(n, a), a)
+    b = add_scaled(b, -dot(b, a), a)
+    size = dot(b, b)
+    if size > PARALLEL:
+        t = add_scaled(t, -dot(t, b) / size, b)
+    return t if dot(t, n) > PARALLEL else n
+
+
+@kernel
+def push_out(rules, here, table, poses, motion, x0, place):
+    """
+    Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
+
+    A push goes along the surfaces of the two colliders before it, so that a particle in a groove or
+    a corner gets out in two or three pushes, however acute that is. A push ends where it leads
+    further than the particle and the collider came.
+
+    Returns
+    -------
+    place : (3,) tuple of float [m]
+    c, other : int
+        The last two colliders it was inside of; c is NONE where it is now outside all.
+
+    """
+    zero = (0.0, 0.0, 0.0)
+    c1, c2, n1, n2, candidate = NONE, NONE, zero, zero, place
+    for k in range(PUSHES):
+        c, phi, n = deepest(rules, here, table, poses, x0, place)
+        if c == NONE:
+            return place, NONE, NONE
+        a, b = n1, n2
+        if c == c1 or c == c2:
+            a, b = (n2 if c == c1 else n1), zero
+        if c != c1:
+            c2, n2 = c1, n1
+        c1, n1 = c, n
+        t = _free_part(n, a, b)
+        rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
+        place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
+        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+        reach = length(subtract(candidate, x0)) + 2.0 * rules.flight.dt * length(obj)
+        if length(subtract(place, candidate)) > reach + PUSHES * rounding:
+            break
+    return place, c1, c2
+
+
+@kernel
+def _retreat(rules, here, table, poses, motion, attempt, c, x0):
+    """Where the fail-safe tries to place a particle: where it started, then carried by c."""
     if attempt == 0:
-        return x1
-    if attempt == 1:
         return x0
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
     return add_scaled(x0, rules.flight.dt, obj)
 
 
 @kernel
-def place(rules, here, table, poses, motion, accounts, notes, x0, x1, w):
+def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
     """
-    Get a particle out of the colliders that it started outside of.
+    Place a particle that cannot be pushed out, with the velocity of a collider.
 
-    It is pushed to the surfaces, deepest first, and its approach ends. Where that does not get it
-    out, the fail-safe puts it where it started, or where one of the colliders would have carried
-    it, with the velocity of that collider. Where all of that is inside something too, it rides
-    along with a collider and is counted and noted as unplaced.
+    It goes where it started, or else where one of the colliders would have carried it. Where all
+    of that is inside something too, it rides along with collider c and is noted as unplaced.
 
     Returns
     -------
     x1, w : (3,) tuple of float [m], [m/s]
 
     """
-    last, other, colliders = 0, NONE, table.shape[0]
-    place, velocity = x1, w
-    for attempt in range(2 + colliders):
-        carrier = last if attempt < 2 else (last + attempt - 2) % colliders
-        place = _place(rules, here, table, poses, motion, attempt, carrier, x0, x1)
-        if attempt > 0:
-            velocity = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
-        if attempt == 1:
-            accounts[here.block, N_FAIL_SAFE] += 1
-        for k in range(PROJECTIONS + 1):
-            c, phi, n = deepest(rules, here, table, poses, x0, place)
-            if c == NONE:
-                return place, velocity
-            last, other = (c, last if c != last else other) if attempt == 0 else (last, c)
-            if k < PROJECTIONS:
-                obj = point_velocity(motion, poses, here.step, END, here.end, c, place)
-                velocity = add_scaled(velocity, -approach(velocity, obj, n), n)
-                rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c))
-                                      + here.radius)
-                place = add_scaled(place, k * rounding - phi, n)
-    note_unplaced(here, accounts, notes, last, other)
-    place = _place(rules, here, table, poses, motion, 2, last, x0, x1)
-    return place, point_velocity(motion, poses, here.step, END, here.end, last, place)
+    accounts[here.block, N_FAIL_SAFE] += 1
+    for attempt in range(table.shape[0] + 1):
+        carrier = (c + max(attempt - 1, 0)) % table.shape[0]
+        place = _retreat(rules, here, table, poses, motion, attempt, carrier, x0)
+        place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
+        if inside == NONE:
+            return place, point_velocity(motion, poses, here.step, END, here.end, carrier, place)
+    note_unplaced(here, accounts, notes, c, other)
+    place = _retreat(rules, here, table, poses, motion, 1, c, x0)
+    return place, point_velocity(motion, poses, here.step, END, here.end, c, place)
 
 
 @kernel
@@ -422,6 +481,9 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
         else:
             first = passes == 0 or rules.once
             u, w = press(rules, here, table, poses, motion, log, accounts, x0, c, n, v_n, target,
-                         obj, u, w, first)
+                         obj, u, w, first, hits > 0)
             passes, before = passes + 1, c
-    return place(rules, here, table, poses, motion, accounts, notes, x0, x1, w)
+    x1, c, other = push_out(rules, here, table, poses, motion, x0, x1)
+    if c != NONE:
+        return fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0)
+    return x1, w

@@ -10,6 +10,7 @@ distance, out of the solid. Where that is not unique the choice is stated at the
 and cylinders lie along z; the solid of a plane is z < 0.
 """
 
+from math import inf
 from typing import NamedTuple, Optional
 
 from collision_sim.core.jit import formula, kernel
@@ -184,7 +185,7 @@ def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, siz
     if cylinders is not None:
         if kind == CYLINDER:
             return cylinder(point, size[0], size[1])
-    return float('inf'), (0.0, 0.0, 1.0)
+    return inf, (0.0, 0.0, 1.0)
 
 
 @kernel

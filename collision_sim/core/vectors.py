@@ -10,7 +10,7 @@ view of its row, no reference count: kernels take tables whole and index them. A
 numbers, the rotation matrix in row order and then the position.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from collision_sim.core.jit import formula
 
@@ -62,7 +62,7 @@ def length(a):
     if SMALL_SQUARE < square < LARGE_SQUARE:
         return sqrt(square)
     scale = largest(a)
-    if scale == 0.0 or not scale < float('inf'):
+    if scale == 0.0 or not scale < inf:
         return scale
     b = (a[0] / scale, a[1] / scale, a[2] / scale)
     return scale * sqrt(dot(b, b))

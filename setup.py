@@ -1,0 +1,70 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""Installs the package by pip, and by colcon as an ament_python package."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'collision_sim'
+
+
+def shared(folder):
+    """Where ROS looks for the files of one folder of the package, and those files."""
+    return f'share/{package_name}/{folder}', sorted(glob(f'{package_name}/{folder}/*.*'))
+
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Particles that collide with fixed and moving colliders; '
+                'a Python library and a ROS 2 node.',
+    maintainer='collision_sim developers',
+    maintainer_email='maintainers@collision-sim.example.com',
+    license='Apache-2.0',
+    python_requires='>=3.11',
+    packages=find_packages(include=[package_name, f'{package_name}.*']),
+    package_data={package_name: ['launch/*.*', 'scenes/*.*', 'rviz/*.*']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        shared('launch'),
+        shared('scenes'),
+        shared('rviz'),
+    ],
+    zip_safe=False,
+    install_requires=['numba>=0.60', 'numpy>=1.26', 'PyYAML'],
+    extras_require={
+        # rclpy and Fast DDS as wheels, for machines without an installed ROS.
+        'ros': [
+            'ros-jazzy-common-interfaces',
+            'ros-jazzy-rclpy',
+            'ros-jazzy-rmw-fastrtps-cpp',
+        ],
+        # The flake8 plugins are those of ament_flake8.
+        'test': [
+            'catkin_pkg',
+            'flake8',
+            'flake8-blind-except',
+            'flake8-builtins',
+            'flake8-class-newline',
+            'flake8-comprehensions',
+            'flake8-deprecated',
+            'flake8-docstrings',
+            'flake8-import-order',
+            'flake8-quotes',
+            'hypothesis',
+            'pydocstyle',
+            'pytest',
+            'pytest-timeout',
+        ],
+    },
+    entry_points={
+        'console_scripts': [
+            'collision_sim_node = collision_sim.ros.node:main',
+            'swing_paddle = collision_sim.ros.swing_paddle:main',
+        ],
+    },
+)

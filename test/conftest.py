@@ -1,0 +1,36 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""Strictness for every test; it has to be set before Numba and the messages are imported."""
+
+import hashlib
+import os
+from pathlib import Path
+
+from hypothesis import settings
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def _fresh_kernels():
+    """
+    Give Numba a cache of its own for each state of the kernels.
+
+    Numba looks only at the file of the function it caches: after a change in a file from which
+    that function calls another one, it would go on using the old machine code.
+    """
+    sources = sorted((ROOT / 'collision_sim').rglob('*.py'))
+    state = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()
+    return ROOT / '.pytest_cache' / 'numba' / state[:16]
+
+
+# Without it a message takes a value of a wrong type and sends 5e-324 in its place.
+os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+
+if os.access(ROOT, os.W_OK):
+    os.environ.setdefault('NUMBA_CACHE_DIR', str(_fresh_kernels()))
+
+settings.register_profile('dev', deadline=None)
+settings.register_profile('ci', deadline=None, derandomize=True, print_blob=True)
+settings.load_profile('ci' if os.environ.get('CI') else 'dev')

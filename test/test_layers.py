@@ -1,0 +1,75 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""Who may import whom: ros, cli and studies -> simulation -> core, and ROS in one folder only."""
+
+import ast
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'collision_sim'
+MODULES = sorted(PACKAGE.rglob('*.py'))
+ROS = re.compile(r'(rclpy|launch\w*|(rosidl|ament|rosbag2)_\w+|\w+_(msgs|srvs|interfaces))\b')
+UPPER = re.compile(r'collision_sim\.(ros|studies|cli|recording|viewer)\b')
+
+
+def folder(path):
+    """First folder below the package, or '' for a module at its top."""
+    parts = path.relative_to(PACKAGE).parts
+    return parts[0] if len(parts) > 1 else ''
+
+
+def imports(path):
+    """Dotted names that a module imports, anywhere in it; `from a import b` counts as a.b too."""
+    package = path.relative_to(ROOT).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[:len(package) - node.level + 1] if node.level else ()
+            origin = '.'.join([*above, *([node.module] if node.module else [])])
+            yield origin
+            yield from (f'{origin}.{alias.name}' for alias in node.names)
+
+
+def offences(paths, forbidden):
+    """List `module: name` for each import of a name that `forbidden` matches."""
+    return [f'{path.relative_to(ROOT)}: {name}'
+            for path in paths for name in imports(path) if forbidden.match(name)]
+
+
+def test_importing_the_package_loads_no_ros_and_no_plots():
+    listing = subprocess.run(
+        [sys.executable, '-c', 'import collision_sim, sys; print(*sys.modules, sep="\\n")'],
+        cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    assert 'collision_sim.simulation' in listing
+    unwanted = re.compile(ROS.pattern + r'|(matplotlib|viser|collision_sim\.ros)\b')
+    assert [name for name in listing if unwanted.match(name)] == []
+
+
+def test_only_ros_and_launch_import_ros():
+    others = [path for path in MODULES if folder(path) not in ('ros', 'launch')]
+    assert offences(others, ROS) == []
+
+
+def test_only_ros_and_launch_import_the_ros_folder():
+    others = [path for path in MODULES if folder(path) not in ('ros', 'launch')]
+    assert offences(others, re.compile(r'collision_sim\.ros\b')) == []
+
+
+def test_core_imports_nothing_above_it():
+    core = [path for path in MODULES if folder(path) == 'core']
+    assert core
+    above = re.compile(r'collision_sim($|\.(scene|simulation|Scene|Simulation|load_scene)\b)')
+    assert offences(core, above) + offences(core, UPPER) == []
+
+
+@pytest.mark.parametrize('name', ['__init__', 'scene', 'simulation'])
+def test_the_library_imports_nothing_above_it(name):
+    assert offences([PACKAGE / f'{name}.py'], UPPER) == []

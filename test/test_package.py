@@ -1,0 +1,163 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""What pip, colcon and rosdep read: package.xml, setup.py, the change log, launch files."""
+
+import ast
+import os
+from pathlib import Path
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'collision_sim'
+LAUNCH_FILES = sorted((PACKAGE / 'launch').glob('*.launch.py'))
+NO_CATKIN = 'catkin_pkg is not installed'
+NO_LAUNCH = 'launch comes with an installed ROS only'
+
+
+@pytest.fixture
+def setup(monkeypatch):
+    """Keyword arguments that setup.py hands to setuptools; setuptools itself is not needed."""
+    arguments = {}
+    fake = SimpleNamespace(setup=arguments.update, find_packages=lambda include: include)
+    monkeypatch.setitem(sys.modules, 'setuptools', fake)
+    monkeypatch.chdir(ROOT)
+    runpy.run_path('setup.py')
+    return arguments
+
+
+def console_scripts(setup):
+    """Name of each console script -> its `module:function`."""
+    return dict(re.split(r'\s*=\s*', line) for line in setup['entry_points']['console_scripts'])
+
+
+def test_package_xml_is_valid():
+    # colcon falls back to a plain Python build, without a word, when it is not.
+    package = pytest.importorskip('catkin_pkg.package', reason=NO_CATKIN)
+    warnings = []
+    manifest = package.parse_package(str(ROOT), warnings=warnings)
+    manifest.validate(warnings=warnings)
+    assert warnings == []
+    assert manifest.get_build_type() == 'ament_python'
+    assert manifest.licenses == ['Apache-2.0']
+
+
+def test_one_version(setup):
+    headings = re.findall(r'^(\S+) \(\d{4}-\d\d-\d\d\)\n-+$',
+                          (ROOT / 'CHANGELOG.rst').read_text(), re.MULTILINE)
+    manifest = ElementTree.parse(ROOT / 'package.xml')
+    assert manifest.findtext('version') == setup['version'] == headings[0]
+
+
+def test_changelog_is_in_the_form_that_ros_releases_read(setup):
+    changelog = pytest.importorskip('catkin_pkg.changelog', reason=NO_CATKIN)
+    history = changelog.get_changelog_from_path(str(ROOT))
+    assert setup['version'] in [version for version, _, _ in history.foreach_version()]
+
+
+def test_maintainers_and_license_agree(setup):
+    manifest = ElementTree.parse(ROOT / 'package.xml')
+    maintainer = manifest.find('maintainer')
+    assert maintainer.get('email') == setup['maintainer_email']
+    assert maintainer.text == setup['maintainer']
+    assert manifest.findtext('license') == setup['license']
+
+
+def test_extras(setup):
+    assert setup['extras_require']['ros'] == [
+        'ros-jazzy-common-interfaces', 'ros-jazzy-rclpy', 'ros-jazzy-rmw-fastrtps-cpp']
+    # colcon looks for pytest there before it runs these tests.
+    assert 'pytest' in setup['extras_require']['test']
+
+
+def test_every_imported_ros_package_is_declared():
+    manifest = ElementTree.parse(ROOT / 'package.xml')
+    declared = {element.text for tag in ('depend', 'exec_depend') for element in
+                manifest.iter(tag)}
+    pattern = re.compile(r'^\s*(?:from|import) (rclpy|launch\w*|\w+_(?:msgs|srvs|interfaces))\b',
+                         re.MULTILINE)
+    sources = [path.read_text() for name in ('ros', 'launch')
+               for path in (PACKAGE / name).rglob('*.py')]
+    assert {name for text in sources for name in pattern.findall(text)} <= declared
+
+
+@pytest.mark.parametrize('folder', ['launch', 'scenes', 'rviz'])
+def test_shared_files_are_installed_for_pip_and_for_ros(setup, folder):
+    present = {str(path) for path in (PACKAGE / folder).rglob('*')
+               if path.is_file() and '__pycache__' not in path.parts}
+    shared = dict(setup['data_files'])[f'share/collision_sim/{folder}']
+    assert {str(ROOT / name) for name in shared} == present
+    patterns = setup['package_data']['collision_sim']
+    packed = {str(path) for pattern in patterns for path in PACKAGE.glob(pattern)}
+    assert present <= packed
+
+
+def test_the_package_is_in_the_ament_index(setup):
+    files = dict(setup['data_files'])
+    marker, = files['share/ament_index/resource_index/packages']
+    assert Path(marker).name == 'collision_sim'
+    assert (ROOT / marker).is_file()
+    assert files['share/collision_sim'] == ['package.xml']
+
+
+def test_console_scripts_exist(setup):
+    for target in console_scripts(setup).values():
+        module, function = target.split(':')
+        tree = ast.parse((ROOT / module.replace('.', '/')).with_suffix('.py').read_text())
+        assert function in [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+
+
+@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+def test_launch_file_names_what_is_installed(setup, path):
+    calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+    keywords = [{word.arg: word.value for word in call.keywords} for call in calls]
+    executables = {ast.literal_eval(words['executable']) for words in keywords
+                   if 'executable' in words}
+    assert executables and executables <= set(console_scripts(setup))
+    for call, words in zip(calls, keywords):
+        if getattr(call.func, 'id', '') == 'DeclareLaunchArgument':
+            assert ast.literal_eval(words['description'])
+
+
+@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+def test_launch_file_loads(path):
+    pytest.importorskip('launch_ros', reason=NO_LAUNCH)
+    launch = pytest.importorskip('launch', reason=NO_LAUNCH)
+    description = runpy.run_path(str(path))['generate_launch_description']()
+    context = launch.LaunchContext()
+    for entity in description.entities:
+        entity.visit(context)
+    assert {argument.name for argument in description.get_launch_arguments()} >= {
+        'scene', 'params_file', 'namespace', 'use_sim_time', 'log_level'}
+
+
+def test_ci_runs_the_test_line_of_the_readme():
+    script = (ROOT / '.ci' / 'run').read_text()
+    line, = re.findall(r'^python3 -m venv .*$', script, re.MULTILINE)
+    assert (ROOT / 'README.md').read_text().splitlines().count(line) == 1
+    assert os.access(ROOT / '.ci' / 'run', os.X_OK)
+
+
+@pytest.mark.slow
+def test_colcon_builds_a_ros_package(setup, tmp_path):
+    if shutil.which('colcon') is None:
+        pytest.skip('colcon is not installed')
+    shutil.copytree(ROOT, tmp_path / 'src' / 'collision_sim', ignore=shutil.ignore_patterns(
+        '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log'))
+    subprocess.run(['colcon', 'build'], cwd=tmp_path, stdin=subprocess.DEVNULL, check=True)
+    prefix = tmp_path / 'install' / 'collision_sim'
+    for folder, files in setup['data_files']:
+        for name in files:
+            assert (prefix / folder / Path(name).name).is_file()
+    assert (prefix / 'share' / 'collision_sim' / 'hook' / 'ament_prefix_path.dsv').is_file()
+    for name in console_scripts(setup):
+        assert os.access(prefix / 'lib' / 'collision_sim' / name, os.X_OK)
