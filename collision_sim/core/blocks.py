@@ -44,9 +44,10 @@ def _slow_block(quadratic, vx, vy, vz, factor):
 
 
 @kernel
-def _fly_component(gains, end_shift, mean_shift, dt, x, v):
+def _fly_component(gains, end_shift, mean_shift, dt, x, v, old_x):
     for i in range(x.shape[0]):
         before = v[i]
+        old_x[i] = x[i]
         x[i] = x[i] + dt * affine(gains, 1, before, mean_shift)
         v[i] = affine(gains, 0, before, end_shift)
 
@@ -74,17 +75,14 @@ def fly_block(flight, x, y, z, vx, vy, vz, old, factor):
         Scratch.
 
     """
-    _copy(x, old[0])
-    _copy(y, old[1])
-    _copy(z, old[2])
     _copy(vx, old[3])
     _copy(vy, old[4])
     _copy(vz, old[5])
     end, mean, gains, dt = flight.end_shift, flight.mean_shift, flight.gains, flight.dt
     _slow_block(flight.quadratic, vx, vy, vz, factor)
-    _fly_component(gains, end[0], mean[0], dt, x, vx)
-    _fly_component(gains, end[1], mean[1], dt, y, vy)
-    _fly_component(gains, end[2], mean[2], dt, z, vz)
+    _fly_component(gains, end[0], mean[0], dt, x, vx, old[0])
+    _fly_component(gains, end[1], mean[1], dt, y, vy, old[1])
+    _fly_component(gains, end[2], mean[2], dt, z, vz, old[2])
     _slow_block(flight.quadratic, vx, vy, vz, factor)
 
 

@@ -5,16 +5,19 @@
 """
 How functions of the core are compiled: `formula` for what people call, `kernel` for the rest.
 
-Both are cached on disk and follow IEEE 754 (no fast-math), so that vector and scalar code agree
-to the last bit. They allocate nothing, so they count no references (`_nrt`), which would cost more
-than the physics of a contact: 720 against 330 ns, measured. A kernel is called from compiled code
-only: leaving out its Python entry nearly halves the time to compile a step. NUMBA_DISABLE_JIT=1
-turns both into plain Python.
+All are cached on disk and follow IEEE 754 (no fast-math), so that vector and scalar code agree to
+the last bit. They allocate nothing, so they count no references (`_nrt`). A kernel is called from
+compiled code only: without a Python entry it compiles in half the time. An `inlined` kernel is part
+of its caller, which saves handing over a hundred words of tables. Measured, a particle that slides
+on a plane: 720 ns, without reference counts 330 ns, with inlining 110 ns. NUMBA_DISABLE_JIT=1 turns
+all of them into plain Python.
 """
 
 from numba import njit
 
-OPTIONS = {'cache': True, 'error_model': 'numpy', '_nrt': False}
+FORMULA = {'cache': True, 'error_model': 'numpy', '_nrt': False}
+KERNEL = {**FORMULA, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
 
-formula = njit(**OPTIONS)
-kernel = njit(**OPTIONS, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+formula = njit(**FORMULA)
+kernel = njit(**KERNEL)
+inlined = njit(**KERNEL, forceinline=True)

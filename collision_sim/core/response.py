@@ -21,7 +21,7 @@ from it instead. Of several colliders the one in which the particle is deepest a
 from typing import NamedTuple, Optional
 
 from collision_sim.core.flight import Flight, fly
-from collision_sim.core.jit import kernel
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, normal_impulse, repulsion,
                                      wet_friction_capped, wet_friction_exponential,
                                      wet_friction_linear)
@@ -89,13 +89,13 @@ def distance(rules, here, table, poses, row, c, point):
     return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
 
 
-@kernel
+@inlined
 def rounding_depth(here, table, poses, c, x0):
     """Distance [m] to a collider at the start of the step that is only rounding."""
     return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])
 
 
-@kernel
+@inlined
 def starts_inside(rules, here, table, poses, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
     depth = -distance(rules, here, table, poses, here.start, c, x0)
@@ -132,14 +132,14 @@ def deepest(rules, here, table, poses, x0, x1):
     return c, phi, n
 
 
-@kernel
+@inlined
 def approach(v, obj, n):
     """Give the normal velocity [m/s] if it approaches by more than rounding, else 0."""
     v_n = dot(subtract(v, obj), n)
     return v_n if v_n < -ROUNDING * (largest(v) + largest(obj)) else 0.0
 
 
-@kernel
+@inlined
 def _dry_factor(dry, table, c, speed, dv_n):
     if dry is not None:
         if table[c, STATIC] * dv_n > 0.0:
@@ -147,7 +147,7 @@ def _dry_factor(dry, table, c, speed, dv_n):
     return 1.0
 
 
-@kernel
+@inlined
 def _wet_factor(wet, table, c, dv_n):
     if wet is not None:
         if table[c, WET_FORM] == EXPONENTIAL:
@@ -158,7 +158,7 @@ def _wet_factor(wet, table, c, dv_n):
     return 1.0
 
 
-@kernel
+@inlined
 def respond(rules, table, c, v, obj, n, v_n, dv_n):
     """
     Velocity after a change dv_n along the normal and the friction that it causes.
@@ -191,7 +191,7 @@ def respond(rules, table, c, v, obj, n, v_n, dv_n):
     return add_scaled(after, factor - 1.0, tangential), False
 
 
-@kernel
+@inlined
 def record(log, accounts, here, c, state, point, n, dv):
     """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
     if log is not None:
@@ -210,7 +210,7 @@ def record(log, accounts, here, c, state, point, n, dv):
         accounts[b, N_LOGGED] = rows + 1
 
 
-@kernel
+@inlined
 def _hit(checks, rules, here, table, poses, motion, k, n, x0, v0):
     """Give normal and material velocity of a collision on v0; 0 without that stage."""
     if checks is not None:
@@ -219,7 +219,7 @@ def _hit(checks, rules, here, table, poses, motion, k, n, x0, v0):
     return 0.0, (0.0, 0.0, 0.0)
 
 
-@kernel
+@inlined
 def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle ends inside of.
@@ -266,7 +266,7 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     return c, phi, n, v_n, target, obj, hit, inside
 
 
-@kernel
+@inlined
 def collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
     dv_n = normal_impulse(v_n, table[c, RESTITUTION])
@@ -276,7 +276,7 @@ def collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0):
     return after
 
 
-@kernel
+@inlined
 def _contact_target(checks, restitution, u_n, target, first):
     """Give the normal velocity [m/s] after a pass: elastic only without a collision stage."""
     if checks is not None:
@@ -284,7 +284,7 @@ def _contact_target(checks, restitution, u_n, target, first):
     return u_n + normal_impulse(u_n, restitution) if first and target == 0.0 else target
 
 
-@kernel
+@inlined
 def _end_change(motion, rules, here, table, poses, c, x0, w_n, du_n):
     """
     Change of normal velocity that ends the approach of w.
@@ -301,7 +301,7 @@ def _end_change(motion, rules, here, table, poses, c, x0, w_n, du_n):
     return -w_n
 
 
-@kernel
+@inlined
 def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w, hit):
     """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
     if checks is not None:
@@ -315,7 +315,7 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w
     return add(w, du)
 
 
-@kernel
+@inlined
 def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, target, obj, u, w,
           first, hit):
     """
@@ -443,7 +443,7 @@ def note_unplaced(here, accounts, notes, c, other):
     accounts[here.block, N_UNPLACED] = seat + 1
 
 
-@kernel
+@inlined
 def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
     """
     One step of a particle that may touch something.

@@ -13,7 +13,7 @@ and cylinders lie along z; the solid of a plane is z < 0.
 from math import inf
 from typing import NamedTuple, Optional
 
-from collision_sim.core.jit import formula, kernel
+from collision_sim.core.jit import formula, inlined
 from collision_sim.core.vectors import length, origin, rotate, rotate_back, subtract
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER = range(5)
@@ -167,7 +167,7 @@ class Present(NamedTuple):
     cylinders: Optional[int]
 
 
-@kernel
+@inlined
 def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, size):
     """Signed distance and normal of a shape in its own frame; absent shapes are None."""
     if planes is not None:
@@ -188,7 +188,7 @@ def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, siz
     return inf, (0.0, 0.0, 1.0)
 
 
-@kernel
+@inlined
 def signed_distance(present, table, poses, s, c, point):
     """
     Signed distance and normal of a collider in the world frame.
