@@ -35,7 +35,7 @@ setup(
         shared('rviz'),
     ],
     zip_safe=False,
-    install_requires=['numba>=0.60', 'numpy>=1.26', 'PyYAML'],
+    install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML'],
     extras_require={
         # rclpy and Fast DDS as wheels, for machines without an installed ROS.
         'ros': [
