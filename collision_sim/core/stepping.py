@@ -16,7 +16,8 @@ from numba import njit
 import numpy as np
 
 BLOCK = 512             # particles; their scratch fits the first-level cache
-FEW = 8 * BLOCK         # below this a second thread costs more than it brings
+PART = 12               # blocks in a part of the work of a step, at least
+MOST_PARTS = 64
 
 
 @kernel

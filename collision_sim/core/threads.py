@@ -3,62 +3,73 @@
 # Licensed under the Apache License, Version 2.0
 # SPDX-License-Identifier: Apache-2.0
 """
-Threads that share the blocks of one step; the kernels release the interpreter lock.
+Threads that share the work of one step; the kernels release the interpreter lock.
 
 Plain threads instead of Numba's parallel loops: these abort the process when two threads of a
-program step at once, and their kernels take twice as long to compile.
+program step at once, and their kernels take twice as long to compile. The work comes in more parts
+than threads, and each thread takes the next part when it is done with one: a thread that wakes late
+or shares its core with another program delays a step by a part, not by half of it.
 """
 
 import os
 from queue import SimpleQueue
 from threading import Thread
 
-_jobs = SimpleQueue()
-_workers = []
+_helping = SimpleQueue()
+_helpers = []
 
 
-def share(function, count, *args):
+def share(function, threads, parts, *args):
     """
-    Call function(k, count, *args) for k = 0 … count - 1, each on a thread of its own.
+    Call function(k, parts, *args) for k = 0 … parts - 1 on this thread and on helpers.
 
     Parameters
     ----------
     function : callable
         Releases the interpreter lock while it works.
-    count : int
-        Number of threads; this thread is the first.
+    threads : int
+        Most threads to work on it.
+    parts : int
+        Calls to make.
+    *args
+        Passed on.
 
     """
-    while len(_workers) < count - 1:
-        _workers.append(Thread(target=_work, name='collision_sim', daemon=True))
-        _workers[-1].start()
-    results = SimpleQueue()
-    for k in range(1, count):
-        _jobs.put((results, function, (k, count, *args)))
+    threads = min(threads, parts)
+    while len(_helpers) < threads - 1:
+        _helpers.append(Thread(target=_help, name='collision_sim', daemon=True))
+        _helpers[-1].start()
+    left, done = iter(range(parts)), SimpleQueue()
+    job = (left, done, function, parts, args)
+    for _ in range(1, threads):
+        _helping.put(job)
+    errors = [_work(*job)] + [done.get() for _ in range(1, threads)]
+    for error in filter(None, errors):
+        raise error
+
+
+def _work(left, done, function, parts, args):
+    """Do parts until none is left; the error that ended that, if there was one."""
     try:
-        function(0, count, *args)
-    finally:
-        errors = [error for error in (results.get() for _ in range(1, count)) if error]
-    if errors:
-        raise errors[0]
+        for k in left:
+            function(k, parts, *args)
+    except BaseException as error:  # raised by the thread that waits for all
+        return error
+    return None
 
 
-def _work():
+def _help():
     while True:
-        results, function, args = _jobs.get()
-        try:
-            function(*args)
-            results.put(None)
-        except BaseException as error:  # handed to the thread that waits for this share
-            results.put(error)
-        del results, function, args     # arrays are not kept alive until the next job
+        job = _helping.get()
+        job[1].put(_work(*job))
+        del job         # arrays are not kept alive until the next one
 
 
-def _forget_workers():
+def _forget_helpers():
     """After a fork the child has none of the threads of its parent."""
-    global _jobs
-    _jobs = SimpleQueue()
-    _workers.clear()
+    global _helping
+    _helping = SimpleQueue()
+    _helpers.clear()
 
 
-os.register_at_fork(after_in_child=_forget_workers)
+os.register_at_fork(after_in_child=_forget_helpers)
