@@ -63,7 +63,7 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'collision_sim_node = collision_sim.ros.node:main',
+            'collision_sim_node = collision_sim.ros.start:main',
             'swing_paddle = collision_sim.ros.swing_paddle:main',
         ],
     },

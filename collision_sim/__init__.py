@@ -5,10 +5,25 @@
 """
 Particles that collide with, slide on and rest on fixed and moving colliders.
 
-Importing this package imports no ROS.
+Importing this package imports no ROS, and nothing that takes long before it is used: the node can
+take care of signals before Numba is loaded.
 """
 
-from collision_sim.scene import load_scene, Scene, SceneError
-from collision_sim.simulation import Simulation
+from importlib import import_module
+
+_HOMES = {'Scene': 'scene', 'SceneError': 'scene', 'Simulation': 'simulation',
+          'load_scene': 'scene'}
 
 __all__ = ['Scene', 'SceneError', 'Simulation', 'load_scene']
+
+
+def __getattr__(name):
+    """Import a public name when it is first asked for (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    globals()[name] = getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+    return globals()[name]
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -13,18 +13,19 @@ from numbers import Integral
 from typing import NamedTuple
 
 from collision_sim.checks import SceneError
-from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns, MOTION,
-                                       POSE, script_poses, START, TWIST)
+from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
+                                       MOTION, POSE, script_poses, START, TWIST)
 from collision_sim.core.response import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                          N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.rotation import quaternion
 from collision_sim.core.shapes import distances
 from collision_sim.core.stepping import BLOCK, MOST_PARTS, PART, step_blocks
 from collision_sim.core.threads import share
-from collision_sim.tables import collider_table, frames, pose_row, scripts, step_rules
+from collision_sim.tables import collider_table, frames, pose_rows, scripts, step_rules
 import numba
 import numpy as np
 
+NO_CHORDS = np.full((2, TWIST), np.nan)     # of a collider that has not moved
 STEPS_AT_ONCE = 1024        # steps of moving colliders that are laid out before a call
 NORM_TOLERANCE = 1e-3       # how far from 1 the norm of an orientation may be
 
@@ -116,7 +117,7 @@ class Simulation:
         self._count = 0
         self._accounts[:] = 0
         self._base = np.array([
-            pose_row(frame, collider.position, collider.orientation)
+            pose_rows(frame, [collider.position], [collider.orientation])
             for frame, collider in zip(self._frames, self.scene.colliders)]).reshape(-1, POSE)
         self._poses = self._base[None].copy()
         self._motion = None
@@ -189,7 +190,9 @@ class Simulation:
             Quaternion x, y, z, w.
 
         """
-        k = self._index(name)
+        return self._pose(self._index(name))
+
+    def _pose(self, k):
         row = self._poses[-1, k]
         return row[9:].copy(), quaternion(row[:9].reshape(3, 3) @ self._frames[k].T)
 
@@ -342,20 +345,23 @@ class Simulation:
             raise SceneError(f'colliders.{name}', 'move_collider', 'it follows its own script')
         p = _rows(f'colliders.{name}.position', position, 3)
         q = _unit(f'colliders.{name}.orientation', orientation, len(p))
-        given = None if twist is None else _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
-        before_p, before_q = self.collider_pose(name)
-        chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]), self.dt or 1.0)
-        before = self._chords.get(k, np.full((2, TWIST), np.nan))
-        starts, ends = end_twists(chords, before)
-        if given is not None:
-            first = self._given.get(k, starts[0])
-            starts, ends = np.vstack([first, given[:-1]]), given
-        poses = np.array([pose_row(self._frames[k], *pose) for pose in zip(p, q)])
-        self._tracks[k] = Track(poses, starts, ends, given is None)
-        self._chords[k] = np.concatenate([before, chords])[-2:]
-        if given is not None:
-            self._given[k] = given[-1]
+        if twist is None:
+            starts, ends = self._estimated_twists(k, p, q)
+        else:
+            ends = _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
+            starts = np.concatenate([self._given.get(k, ends[:1]), ends[:-1]])
+            self._given[k], self._chords[k] = ends[-1:], NO_CHORDS
+        poses = pose_rows(self._frames[k], p, q)
+        self._tracks[k] = Track(poses, starts, ends, twist is None)
         self._moves = True
+
+    def _estimated_twists(self, k, p, q):
+        """Twists of a collider at both ends of each step, from its poses."""
+        before_p, before_q = self._pose(k)
+        chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]), self.dt or 1.0)
+        before = self._chords.get(k, NO_CHORDS)
+        self._chords[k] = np.concatenate([before, chords])[-2:]
+        return end_twists(chords, before)
 
     def place_collider(self, name, position, orientation):
         """
@@ -380,7 +386,7 @@ class Simulation:
         p = _rows(f'colliders.{name}.position', position, 3, 1)
         q = _unit(f'colliders.{name}.orientation', orientation, 1)
         self._poses = self._poses[-1:].copy()
-        self._poses[0, k] = pose_row(self._frames[k], p[0], q[0])
+        self._poses[0, k] = pose_rows(self._frames[k], p, q)[0]
         for history in (self._tracks, self._chords, self._given):
             history.pop(k, None)
 

@@ -66,12 +66,12 @@ def frames(scene):
                      for c in scene.colliders]).reshape(-1, 3, 3)
 
 
-def pose_row(frame, position, orientation):
-    """Row of the table of poses, (12,)."""
-    row = np.empty(POSE)
-    row[:9] = (rotation_matrix(orientation) @ frame).ravel()
-    row[9:] = position
-    return row
+def pose_rows(frame, positions, orientations):
+    """Rows of the table of poses, (S, 12), for positions (S, 3) and orientations (S, 4)."""
+    rows = np.empty((len(positions), POSE))
+    rows[:, :9] = (rotation_matrix(orientations) @ frame).reshape(-1, 9)
+    rows[:, 9:] = positions
+    return rows
 
 
 def scripts(scene):

@@ -366,8 +366,8 @@ def push_out(rules, here, table, poses, motion, x0, place):
     """
     Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
 
-    A push goes along the surfaces of the two colliders before it, so that a particle in a groove or
-    a corner gets out in two or three pushes, however acute that is. A push ends where it leads
+    A push goes along the surfaces of the two colliders before it, so that a particle in a groove
+    or a corner gets out in two or three pushes, however acute that is. Pushing ends where it leads
     further than the particle and the collider came.
 
     Returns

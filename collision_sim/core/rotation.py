@@ -91,23 +91,23 @@ def vector_rate(vector, angular_velocity):
 
 def rotation_matrix(q):
     """
-    Convert a unit quaternion to a rotation matrix.
+    Convert unit quaternions to rotation matrices.
 
     Parameters
     ----------
-    q : (4,) sequence of float [-]
+    q : (..., 4) float64 [-]
         x, y, z, w.
 
     Returns
     -------
-    matrix : (3, 3) float64 [-]
+    matrix : (..., 3, 3) float64 [-]
 
     """
-    x, y, z, w = q
-    return np.array([
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]])
+    x, y, z, w = np.moveaxis(np.asarray(q), -1, 0)
+    rows = [[1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def quaternion(matrix):

@@ -7,8 +7,8 @@ Threads that share the work of one step; the kernels release the interpreter loc
 
 Plain threads instead of Numba's parallel loops: these abort the process when two threads of a
 program step at once, and their kernels take twice as long to compile. The work comes in more parts
-than threads, and each thread takes the next part when it is done with one: a thread that wakes late
-or shares its core with another program delays a step by a part, not by half of it.
+than threads, and each thread takes the next part when it is done with one: a thread that wakes
+late or shares its core with another program delays a step by a part, not by half of it.
 """
 
 import os

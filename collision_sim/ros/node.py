@@ -1,0 +1,308 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+The node: one Simulation in step with the clock, between topics in and topics out.
+
+All callbacks run in one thread, one after the other, so that nothing here needs a lock. Times are
+seconds on the clock since the start or its last jump; steps were taken up to `_stepped`.
+"""
+
+from itertools import pairwise
+from math import ceil
+import sys
+import time
+
+from builtin_interfaces.msg import Time
+from collision_sim.ros.diagnostics import Diagnostics
+from collision_sim.ros.outputs import Outputs
+from collision_sim.ros.parameters import declare_scene, declare_values, LiveParameters
+from collision_sim.ros.pose_topics import PoseTopics, SECOND
+from collision_sim.ros.start import main
+from collision_sim.scene import load_scene
+from collision_sim.simulation import Simulation
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... tick
+LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
+LONGEST_GAP = 1.0       # s between two ticks; more is a jump of the clock
+WARN_PERIOD = 5.0       # s
+ROUNDING = 1e-6         # of a step
+
+
+class CollisionSimNode(Node):
+    """Steps a scene as the clock asks for, between poses and parameters in and messages out."""
+
+    def __init__(self, **options):
+        """Load the scene, compile the kernels, and start; options are those of rclpy's Node."""
+        super().__init__('collision_sim', **options)
+        self._epoch = self.get_clock().now().nanoseconds
+        self._stepped = 0.0
+        self._paused = False
+        self._diagnostics = Diagnostics()
+        self._start_simulation()
+        self._poses = PoseTopics(self, self._simulation.scene, self._seconds)
+        self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
+        self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
+        self._create_services()
+        LiveParameters(self, self._simulation, self._change)
+        self._start_ticking()
+        self._say_how_to_use()
+
+    # --- start -----------------------------------------------------------------------------
+
+    def _start_simulation(self):
+        name = declare_scene(self)
+        scene = declare_values(self, load_scene(name))
+        self._simulation = Simulation(scene)
+        self._seconds_a_step = self._warm_up()
+        self.get_logger().info('scene %s: %d particles, %d colliders' % (
+            name, len(self._simulation.position), len(scene.colliders)))
+
+    def _warm_up(self):
+        """Compile the kernels, with and without contacts; give the duration of a step [s]."""
+        self.get_logger().info('preparing the kernels; the first time they are compiled')
+        for recording in (True, False):
+            self._simulation.record_contacts = recording
+            self._simulation.step()
+        start = time.perf_counter()
+        self._simulation.step()
+        duration = time.perf_counter() - start
+        self._simulation.reset()
+        return duration
+
+    def _create_services(self):
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(SetBool, '~/pause', self._pause)
+        self.create_service(Trigger, '~/step', self._step)
+
+    def _start_ticking(self):
+        self._stepped = self._now()
+        self._ticks = 0
+        self._timer = None
+        self._use_rate(self.get_parameter('publish_rate').value)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)    # also while a simulated clock stands
+        self.create_timer(1.0, self._report, clock=steady)
+        self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
+
+    def _say_how_to_use(self):
+        log = self.get_logger()
+        log.info('%s publishes %s' % (
+            self.get_fully_qualified_name(), ', '.join(self._outputs.topics)))
+        log.info('parameters: %s/set/..., or ros2 param set %s' % (
+            self.get_fully_qualified_name(), self.get_fully_qualified_name()))
+        for name, topic in self._poses.topics.items():
+            x, y, z = self._simulation.scene.collider(name).position
+            log.info('to move %s: ros2 run collision_sim swing_paddle --ros-args -p topic:=%s, or '
+                     'ros2 topic pub -r 30 %s geometry_msgs/msg/PoseStamped "{header: {frame_id: '
+                     '%s}, pose: {position: {x: %g, y: %g, z: %g}}}"'
+                     % (name, topic, topic, self._poses.frame_id, x, y, z))
+
+    # --- time ------------------------------------------------------------------------------
+
+    def _seconds(self, nanoseconds):
+        return (nanoseconds - self._epoch) / SECOND
+
+    def _now(self):
+        return self._seconds(self.get_clock().now().nanoseconds)
+
+    def _stamp(self):
+        """Time on the clock that the state belongs to."""
+        seconds, nanoseconds = divmod(self._epoch + round(self._stepped * SECOND), SECOND)
+        return Time(sec=seconds, nanosec=nanoseconds)
+
+    def _tick(self):
+        """Take the steps that the clock asks for, and publish when it is time to."""
+        now = self._now()
+        if not -ROUNDING <= now - self._stepped <= LONGEST_GAP:
+            self._begin_again(now)
+        elif self._paused or not self._simulation.dt:
+            self._poses.restart()       # what moves meanwhile is placed afterwards
+            self._stepped = now
+        else:
+            self._run_to(now)
+        self._ticks += 1
+        if self._ticks % self._ticks_a_message == 0:
+            self._outputs.publish(self._stamp())
+
+    def _begin_again(self, now):
+        """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
+        if self._ticks:
+            self.get_logger().warning('the clock jumped by %.3f s' % (now - self._stepped))
+        self._poses.forget()
+        self._epoch = self.get_clock().now().nanoseconds
+        self._stepped = 0.0
+
+    def _run_to(self, now):
+        """Take whole steps up to now, or as many as there is time for, spread over that time."""
+        dt = self._simulation.dt
+        asked = int((now - self._stepped) / dt + ROUNDING)
+        if asked == 0:
+            return
+        count = min(asked, max(1, int(LONGEST_TICK / self._seconds_a_step)))
+        if count < asked:
+            self._diagnostics.slow = True
+            self.get_logger().warning('%d of %d steps taken: too slow for the clock' % (
+                count, asked), throttle_duration_sec=WARN_PERIOD)
+        start = time.perf_counter()
+        self._advance(self._stepped + asked * dt / count * np.arange(1, count + 1), asked / count)
+        self._seconds_a_step += 0.1 * (
+            (time.perf_counter() - start) / count - self._seconds_a_step)
+        self._stepped += asked * dt
+
+    def _advance(self, times, pace):
+        """
+        Take steps that end at times on the clock.
+
+        Parameters
+        ----------
+        times : (n,) float64 [s]
+            On the clock.
+        pace : float [-]
+            Time on the clock a time of the simulation: above 1 where steps are left out.
+
+        """
+        simulation = self._simulation
+        simulation.record_contacts = self._outputs.contacts_wanted
+        tracks = self._poses.sample(times)
+        for first, last in pairwise(self._cuts(tracks, len(times))):
+            for name, track in tracks:
+                part = slice(first, last)
+                if track.teleport[first]:
+                    simulation.place_collider(name, track.position[first],
+                                              track.orientation[first])
+                simulation.move_collider(name, track.position[part], track.orientation[part],
+                                         pace * track.twist[part])
+            simulation.step(last - first)
+            if simulation.record_contacts:
+                self._outputs.add_contacts(simulation.contacts)
+        self._diagnostics.steps += len(times)
+
+    def _cuts(self, tracks, count):
+        """Where the steps are taken apart: at teleports, everywhere if contacts are wanted."""
+        if self._simulation.record_contacts:
+            return range(count + 1)
+        cuts = {0, count}
+        for _, track in tracks:
+            cuts.update(track.teleport.nonzero()[0].tolist())
+        return sorted(cuts)
+
+    # --- out -------------------------------------------------------------------------------
+
+    def _report(self):
+        if not self._diagnostic.get_subscription_count():
+            self._diagnostics.restart()
+            return
+        message = self._diagnostics.report(
+            self.get_fully_qualified_name(), self._simulation, self._poses, self._now())
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostic.publish(message)
+
+    def _warn_of_namesakes(self):
+        """Say once that another node has the same name: both would answer."""
+        self.destroy_timer(self._namesakes)
+        me = self.get_name(), self.get_namespace()
+        if self.get_node_names_and_namespaces().count(me) > 1:
+            self.get_logger().warning(
+                'another node is called %s' % self.get_fully_qualified_name())
+
+    # --- in --------------------------------------------------------------------------------
+
+    def _change(self, name, value):
+        """Apply a parameter of the node itself."""
+        if name == 'frame_id':
+            self._poses.frame_id = value
+            self._outputs.use_frame(value, self._stamp())
+        elif name == 'publish_rate':
+            self._use_rate(value)
+        else:
+            self._poses.set_times(self.get_parameter('pose_delay').value,
+                                  self.get_parameter('pose_timeout').value)
+
+    def _use_rate(self, rate):
+        self._ticks_a_message = ceil(SLOWEST_TICKS / rate)
+        self._outputs.use_rate(rate)
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+        self._timer = self.create_timer(1.0 / (rate * self._ticks_a_message), self._tick)
+
+    def _reset(self, request, response):
+        self._simulation.reset()
+        self._poses.restart()
+        self._outputs.clear_contacts(self._stamp())
+        return _answer(response, True, 'at the start')
+
+    def _pause(self, request, response):
+        self._paused = self._diagnostics.paused = request.data
+        return _answer(response, True, 'paused' if self._paused else 'running')
+
+    def _step(self, request, response):
+        if not self._paused:
+            return _answer(response, False, 'only while paused')
+        self._poses.restart()
+        self._advance(np.array([self._now()]), 1.0)
+        return _answer(response, True, 'at %.6f s' % self._simulation.time)
+
+
+def _answer(response, success, message):
+    response.success = success
+    response.message = message
+    return response
+
+
+def spin(node, stopped):
+    """Serve the node until `stopped` is not empty; no request and no message ends it."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while rclpy.ok() and not stopped:
+        try:
+            executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            break
+        except Exception as error:
+            node.get_logger().error('%s: %s' % (type(error).__name__, error),
+                                    throttle_duration_sec=1.0)
+
+
+def run(args, stopped):
+    """
+    Run the node until `stopped` is not empty.
+
+    Parameters
+    ----------
+    args : list of str or None
+        As of the command line.
+    stopped : list
+        Filled by somebody else, such as a signal handler.
+
+    Returns
+    -------
+    status : int
+        1 where the scene or a parameter is refused, with one line that says why.
+
+    """
+    status, node = 0, None
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = CollisionSimNode()
+        spin(node, stopped)
+    except (ParameterException, RuntimeError, ValueError) as error:
+        print('collision_sim_node: %s' % error, file=sys.stderr)
+        status = 1
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    return status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,187 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""
+ROS parameters <-> scene values, and the topics that set parameters.
+
+Every value of the scene that may change while it runs is a parameter under its path in the scene.
+A new value is checked by the scene when it is asked for (on_set) and applied when it is accepted
+(post_set). One executor thread runs both and the ticks, so that applying falls between two steps.
+"""
+
+from functools import partial
+import sys
+
+from collision_sim.scene import Parameter, SceneError
+from geometry_msgs.msg import Vector3
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+import rclpy.parameter
+from std_msgs.msg import Bool, Float64, String
+
+NODE_PARAMETERS = {
+    'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
+    'publish_rate': Parameter(60.0, 'Hz', 0.1, 1000.0, 'Rate of the messages'),
+    'pose_delay': Parameter(0.1, 's', 0.0, 10.0, 'How late poses are played back: two periods of '
+                                                 'the poses and their jitter'),
+    'pose_timeout': Parameter(0.5, 's', 0.0, 60.0, 'How long a collider without new poses keeps '
+                                                   'its last twist before it stands still'),
+}
+TOPIC_TYPES = {bool: Bool, int: Float64, float: Float64, str: String, tuple: Vector3}
+LARGEST = {int: 2 ** 63 - 1, float: sys.float_info.max}
+
+
+def descriptor(parameter, read_only=False):
+    """ROS descriptor of a parameter: range, and unit and meaning in words."""
+    value, unit, low, high, meaning = parameter
+    result = ParameterDescriptor(read_only=read_only)
+    result.description = '%s [%s]' % (meaning, unit) if unit else meaning
+    if type(value) is tuple:
+        result.additional_constraints = 'three finite numbers'
+    elif type(value) in LARGEST and (low, high) != (None, None):
+        kind = type(value)
+        bounds = {'from_value': -LARGEST[kind] if low is None else kind(low),
+                  'to_value': LARGEST[kind] if high is None else kind(high)}
+        if kind is int:
+            result.integer_range = [IntegerRange(**bounds)]
+        else:
+            result.floating_point_range = [FloatingPointRange(**bounds)]
+    return result
+
+
+def ros_value(value):
+    """Give a value as ROS holds it: vectors are lists of floats."""
+    return [float(x) for x in value] if type(value) is tuple else value
+
+
+def declare_scene(node):
+    """Declare the parameter `scene` and give its value, the name of a scene."""
+    meaning = 'Path of a YAML file, or name of a shipped scene'
+    return node.declare_parameter(
+        'scene', 'demo', descriptor(Parameter('demo', '', None, None, meaning), True)).value
+
+
+def declare_values(node, scene):
+    """
+    Declare the parameters of the node and the scene.
+
+    Returns
+    -------
+    scene : Scene
+        With the values that were given at the start.
+
+    Raises
+    ------
+    SceneError
+        For a value that the scene refuses; rclpy raises its own errors for wrong types and ranges.
+
+    """
+    for name, parameter in NODE_PARAMETERS.items():
+        node.declare_parameter(name, parameter.value, descriptor(parameter))
+    _check_frame(node.get_parameter('frame_id').value)
+    for path in scene.parameters():
+        parameter = scene.parameters()[path]
+        default = ros_value(parameter.value)
+        value = node.declare_parameter(path, default, descriptor(parameter)).value
+        if not _same(value, default):
+            scene = scene.with_parameter(path, value)
+    return scene
+
+
+def _same(value, other):
+    return list(value) == list(other) if isinstance(other, list) else value == other
+
+
+def _check_frame(frame_id):
+    if not frame_id:
+        raise SceneError('frame_id', frame_id, 'must not be empty')
+
+
+class LiveParameters:
+    """
+    Keeps parameters and simulation equal, whoever sets a value: a service, a topic or the node.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        All parameters are declared.
+    simulation : Simulation
+    node_changed : callable
+        Called with name and value after a parameter of the node itself has changed.
+
+    """
+
+    def __init__(self, node, simulation, node_changed):
+        """Subscribe to the parameter topics and take part in every change of a parameter."""
+        self._node = node
+        self._simulation = simulation
+        self._node_changed = node_changed
+        self._following = False     # parameters are being set to what the simulation has already
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self.topics = [self._subscribe(name, parameter.value) for name, parameter
+                       in (NODE_PARAMETERS | simulation.scene.parameters()).items()]
+
+    def _subscribe(self, name, value):
+        kind = type(value)
+        topic = '~/set/' + name.replace('.', '/')
+        subscription = self._node.create_subscription(
+            TOPIC_TYPES[kind], topic, partial(self._take, name, kind), 10)
+        return subscription.topic_name
+
+    def _take(self, name, kind, message):
+        """Set a parameter from a topic, by the same way as the services."""
+        if kind is tuple:
+            value = [message.x, message.y, message.z]
+        elif kind is int and message.data.is_integer():
+            value = int(message.data)
+        else:
+            value = message.data
+        try:
+            result = self._node.set_parameters([rclpy.parameter.Parameter(name, value=value)])[0]
+            refusal = '' if result.successful else result.reason
+        except Exception as error:
+            refusal = str(error)
+        if refusal:
+            self._node.get_logger().warning('%s refused: %s' % (name, refusal))
+
+    def _check(self, parameters):
+        """Accept the values together or refuse them with the reason; never raise."""
+        try:
+            scene = self._simulation.scene
+            known = scene.parameters()
+            for parameter in parameters:
+                if parameter.name in known:
+                    scene = scene.with_parameter(parameter.name, parameter.value)
+                elif parameter.name == 'frame_id':
+                    _check_frame(parameter.value)
+                elif not self._node.has_parameter(parameter.name):
+                    return SetParametersResult(successful=False, reason='no such parameter')
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters):
+        if self._following:
+            return
+        known = self._simulation.scene.parameters()
+        for parameter in parameters:
+            if parameter.name in known:
+                self._simulation.set_parameter(parameter.name, parameter.value)
+            elif parameter.name in NODE_PARAMETERS:
+                self._node_changed(parameter.name, parameter.value)
+        self._follow()
+
+    def _follow(self):
+        """Show what else has changed: the colliders that take a default of the scene."""
+        changed = [
+            rclpy.parameter.Parameter(path, value=ros_value(parameter.value))
+            for path, parameter in self._simulation.scene.parameters().items()
+            if self._node.has_parameter(path)
+            and not _same(self._node.get_parameter(path).value, ros_value(parameter.value))]
+        self._following = True
+        try:
+            self._node.set_parameters(changed)
+        finally:
+            self._following = False

@@ -1,0 +1,61 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""Surroundings of the ROS tests: a domain of their own, strict messages, and nodes to test."""
+
+import os
+
+import pytest
+
+# Set before anything loads rclpy; type checks of message fields are off by default in Jazzy.
+os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.parent == item.config.rootpath / 'test' / 'ros':
+            item.add_marker(pytest.mark.ros)
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """Give a function that makes a node in this process, driven by a clock of its own."""
+    from harness import Driver, scene_file
+    drivers = []
+
+    def make(scene=None, node_options=None, **parameters):
+        name = scene if isinstance(scene, (str, type(None))) else scene_file(tmp_path, scene)
+        drivers.append(Driver(name, parameters, node_options))
+        return drivers[-1]
+
+    yield make
+    for driver in drivers:
+        driver.close()
+
+
+@pytest.fixture
+def run_node(tmp_path):
+    """Give a function that starts the node in another process."""
+    from harness import scene_file, start_node, stop_node
+    processes = []
+
+    def run(scene=None, *arguments):
+        name = scene if isinstance(scene, (str, type(None))) else scene_file(tmp_path, scene)
+        processes.append(start_node(name, arguments))
+        return processes[-1]
+
+    yield run
+    for process in processes:
+        stop_node(process)
+
+
+@pytest.fixture
+def peer():
+    """Give a node of the test itself, to talk to the one in another process."""
+    from harness import Peer
+    node = Peer()
+    yield node
+    node.close()

@@ -1,0 +1,362 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""The node in this process, on a simulated clock: stepping, messages, services, bad poses."""
+
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from collision_sim import Simulation  # noqa: E402, I100
+from collision_sim.ros.messages import read_pose_array  # noqa: E402
+from collision_sim.scene import load_scene  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from geometry_msgs.msg import PoseArray, PoseStamped  # noqa: E402
+from harness import Driver, jittered_stamps, pose_message, TICK  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from sensor_msgs.msg import PointCloud2  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
+from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
+
+PADDLE = {
+    'particles': {'position': [[0, 0, 0.5], [0.3, 0, 1.0]]},
+    'restitution': 0.5,
+    'colliders': [
+        {'name': 'ground', 'shape': 'plane'},
+        {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
+         'position': [-3, 0, 0.5]},
+        {'name': 'pill', 'shape': 'capsule', 'radius': 0.1, 'length': 1, 'position': [5, 0, 1]},
+        {'name': 'room', 'shape': 'sphere', 'radius': 50, 'inside': True},
+        {'name': 'post', 'shape': 'cylinder', 'radius': 0.1, 'length': 1, 'position': [4, 0, 1]},
+    ],
+}
+
+
+def state(driver):
+    return driver.simulation.position.copy(), driver.simulation.velocity.copy()
+
+
+def subscribe(driver, kind, topic, qos=10, **options):
+    messages = []
+    driver.peer.create_subscription(kind, topic, messages.append, qos, **options)
+    return messages
+
+
+def listened(driver, publisher):
+    driver.spin_until(lambda: publisher.get_subscription_count() > 0)
+
+
+# --- stepping --------------------------------------------------------------------------------
+
+
+def test_steps_follow_the_clock(drive):
+    driver = drive('rain')
+    driver.run(1.0)
+    assert driver.simulation.time == pytest.approx(1.0, abs=driver.simulation.dt)
+    alone = Simulation(load_scene('rain'))
+    alone.step(round(driver.simulation.time / alone.dt))
+    np.testing.assert_array_equal(driver.simulation.position, alone.position)
+
+
+def test_the_default_scene_moves_and_touches(drive):
+    driver = drive()
+    before, _ = state(driver)
+    driver.run(1.0)
+    assert np.abs(driver.simulation.position - before).max() > 0.5
+    assert driver.simulation.counters['collisions'] > 0
+
+
+@pytest.mark.parametrize('jump', [-51.0, -0.01, 400.0])
+def test_jumps_of_the_clock_cause_no_steps(drive, jump):
+    driver = drive(PADDLE)
+    driver.run(0.5)
+    time = driver.simulation.time
+    driver.set_clock(driver.now + jump)
+    driver.node._tick()
+    assert driver.simulation.time == time
+    driver.run(0.5)
+    assert driver.simulation.time == pytest.approx(time + 0.5, abs=2 * driver.simulation.dt)
+
+
+def test_poses_are_taken_after_the_clock_went_back(drive):
+    driver = drive(PADDLE)
+    driver.run(0.5, {'paddle': lambda stamp: ((-1.0, 0, 0.5), (0, 0, 0, 1))},
+               jittered_stamps(driver.now, driver.now + 0.4))
+    driver.set_clock(driver.now - 20.0)
+    driver.node._tick()
+    driver.run(0.5, {'paddle': lambda stamp: ((-2.0, 0, 0.5), (0, 0, 0, 1))},
+               jittered_stamps(driver.now + 0.01, driver.now + 0.4))
+    assert not driver.node._poses.dropped
+    assert driver.simulation.collider_pose('paddle')[0][0] == -2.0
+
+
+def test_a_frozen_clock_is_a_frozen_simulation(drive):
+    driver = drive(PADDLE)
+    driver.run(0.1)
+    time = driver.simulation.time
+    for _ in range(10):
+        driver.node._tick()
+    assert driver.simulation.time == time
+
+
+def test_too_slow_for_the_clock(drive):
+    """Steps are left out, the colliders still follow the clock."""
+    driver = drive({**PADDLE, 'gravity': [0, 0, 0]})
+
+    def pose(stamp):
+        return (stamp - driver.START - 3.0, 0.0, 0.5), (0, 0, 0, 1)
+
+    def slow():
+        driver.node._seconds_a_step = 0.024         # two steps a tick, four are asked for
+
+    driver.run(2.0, {'paddle': pose}, jittered_stamps(driver.now, driver.now + 2.0), slow)
+    assert driver.simulation.time == pytest.approx(1.0, rel=0.05)
+    x = driver.simulation.collider_pose('paddle')[0][0]
+    assert x == pytest.approx(driver.now - 0.1 - driver.START - 3.0, abs=0.01)
+
+
+def test_a_clock_far_from_the_start_is_as_precise(drive):
+    """Simulated time that starts at zero and goes on at the time of a recording."""
+    driver = drive(PADDLE)
+    driver.set_clock(1.7e9)
+    driver.node._tick()
+    begin = driver.now
+    driver.run(0.5, {'paddle': lambda stamp: ((stamp - begin - 3.0, 0, 0.5), (0, 0, 0, 1))},
+               [begin + 0.05 * k for k in range(10)])
+    assert not driver.node._poses.dropped
+    assert driver.simulation.time == pytest.approx(0.5, abs=0.03)
+
+
+def test_names_are_relative(drive):
+    driver = drive(PADDLE, node_options={'namespace': 'left'})
+    names = [name for name, _ in driver.node.get_topic_names_and_types()]
+    assert {'/left/collision_sim/particles', '/left/collision_sim/set/restitution',
+            '/left/paddle/pose', '/diagnostics'} <= set(names)
+
+
+# --- out -------------------------------------------------------------------------------------
+
+
+def test_particles(drive):
+    driver = drive(PADDLE)
+    messages = subscribe(driver, PoseArray, '/collision_sim/particles', raw=True)
+    listened(driver, driver.outputs._particles)
+    driver.run(0.3)
+    stamp = driver.node._stamp()
+    driver.spin_until(lambda: messages and read_pose_array(messages[-1])[:2] == (
+        stamp.sec, stamp.nanosec))
+    _, _, frame, poses = read_pose_array(messages[-1])
+    assert frame == 'world'
+    np.testing.assert_array_equal(poses[:, :3], driver.simulation.position)
+    late = driver.now - stamp.sec - 1e-9 * stamp.nanosec
+    assert -1e-6 < late < driver.simulation.dt
+
+
+def test_cloud(drive):
+    driver = drive(PADDLE)
+    messages = subscribe(driver, PointCloud2, '/collision_sim/cloud')
+    listened(driver, driver.outputs._cloud)
+    driver.run(TICK)
+    driver.spin_until(lambda: messages)
+    cloud = messages[0]
+    points = np.frombuffer(cloud.data, '<f4').reshape(-1, 6)
+    np.testing.assert_allclose(points, np.hstack(state(driver)), rtol=1e-6)
+    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'vx', 'vy', 'vz']
+    assert (cloud.width, cloud.height, cloud.point_step, cloud.row_step) == (2, 1, 24, 48)
+
+
+def test_contacts_are_recorded_for_listeners_only(drive):
+    scene = {'particles': {'position': [[0, 0, 0], [1, 0, 0.1]]}, 'friction': {'dry': 0.3},
+             'colliders': [{'name': 'ground', 'shape': 'plane'}]}
+    driver = drive(scene)
+    driver.run(0.1)
+    assert not driver.simulation.record_contacts
+    messages = subscribe(driver, MarkerArray, '/collision_sim/contacts')
+    listened(driver, driver.outputs._contacts)
+    driver.run(0.2)
+    driver.spin_until(lambda: any(len(message.markers) == 2 for message in messages))
+    assert driver.simulation.record_contacts
+    points, lines = next(m for m in messages if len(m.markers) == 2).markers
+    assert (points.type, lines.type) == (Marker.SPHERE_LIST, Marker.LINE_LIST)
+    assert 2 * len(points.points) == len(lines.points) == len(lines.colors) > 0
+    assert points.pose.orientation.w == 1.0 and points.lifetime.nanosec > 0
+
+
+def test_colliders_are_there_for_late_listeners(drive):
+    driver = drive(PADDLE)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    messages = subscribe(driver, MarkerArray, '/collision_sim/colliders', latched)
+    driver.spin_until(lambda: messages)
+    markers = messages[0].markers
+    names = [marker.ns.split('/')[1] for marker in markers]
+    assert names == ['ground', 'paddle', 'pill', 'pill', 'pill', 'room', 'post']
+    kinds = [Marker.CUBE, Marker.CUBE, Marker.CYLINDER, Marker.SPHERE, Marker.SPHERE,
+             Marker.SPHERE, Marker.CYLINDER]
+    assert [marker.type for marker in markers] == kinds
+    assert all(m.color.a > 0 and min(m.scale.x, m.scale.y, m.scale.z) > 0 for m in markers)
+    assert markers[3].pose.position.z == pytest.approx(0.5)
+    driver.run(0.1, {'paddle': lambda stamp: ((1, 2, 3), (0, 0, 0, 1))}, [driver.now])
+    driver.spin_until(lambda: messages[-1].markers[1].pose.position.y == 2.0)
+
+
+def test_frame_and_rate_may_change(drive):
+    driver = drive(PADDLE)
+    messages = subscribe(driver, PoseArray, '/collision_sim/particles')
+    listened(driver, driver.outputs._particles)
+    changes = [Parameter('frame_id', value='odom'),
+               Parameter('publish_rate', value=7.0)]
+    assert all(result.successful for result in driver.node.set_parameters(changes))
+    assert driver.node._ticks_a_message == 5
+    assert driver.node._timer.timer_period_ns == pytest.approx(1e9 / 35.0, abs=1)
+    driver.run(0.5)
+    driver.spin_until(lambda: messages)
+    assert messages[0].header.frame_id == 'odom'
+
+
+def test_nothing_is_published_without_listeners(drive, monkeypatch):
+    driver = drive(PADDLE)
+
+    def fail(*args):
+        raise AssertionError('published')
+
+    for publisher in (driver.outputs._particles, driver.outputs._cloud, driver.outputs._contacts,
+                      driver.outputs._colliders):
+        monkeypatch.setattr(publisher, 'publish', fail)
+    driver.run(0.2)
+
+
+# --- services --------------------------------------------------------------------------------
+
+
+def test_pause_step_and_reset(drive):
+    driver = drive(PADDLE)
+    driver.run(0.2)
+    refused = driver.call(Trigger, '/collision_sim/step', Trigger.Request())
+    assert not refused.success and 'paused' in refused.message
+    for _ in range(2):
+        assert driver.call(SetBool, '/collision_sim/pause', SetBool.Request(data=True)).success
+    before, _ = state(driver)
+    time = driver.simulation.time
+    driver.run(0.2)
+    np.testing.assert_array_equal(driver.simulation.position, before)
+    assert driver.call(Trigger, '/collision_sim/step', Trigger.Request()).success
+    assert driver.simulation.time == pytest.approx(time + driver.simulation.dt)
+    assert driver.call(SetBool, '/collision_sim/pause', SetBool.Request(data=False)).success
+    driver.run(0.2)
+    assert driver.simulation.time == pytest.approx(time + 0.2, abs=3 * driver.simulation.dt)
+    for _ in range(2):
+        assert driver.call(Trigger, '/collision_sim/reset', Trigger.Request()).success
+    assert driver.simulation.time == 0.0
+    np.testing.assert_array_equal(driver.simulation.position[:, 2], [0.5, 1.0])
+
+
+def test_a_collider_that_moved_during_a_pause_hits_nothing(drive):
+    scene = {'gravity': [0, 0, 0], 'particles': {'position': [[0, 0, 0.5]]}, 'restitution': 1.0,
+             'colliders': PADDLE['colliders']}
+    driver = drive(scene)
+
+    def pose(stamp):
+        return (4.0 * (stamp - driver.START) - 1.5, 0.0, 0.5), (0, 0, 0, 1)
+
+    stamps = jittered_stamps(driver.now, driver.now + 3.0)
+    driver.run(0.2, {'paddle': pose}, stamps)
+    driver.node._pause(SetBool.Request(data=True), SetBool.Response())
+    driver.run(1.0, {'paddle': pose}, [stamp for stamp in stamps if stamp > driver.now])
+    driver.node._pause(SetBool.Request(data=False), SetBool.Response())
+    driver.run(1.0, {'paddle': pose}, [stamp for stamp in stamps if stamp > driver.now])
+    assert not driver.simulation.velocity.any()
+    assert driver.simulation.collider_pose('paddle')[0][0] > 5.0
+
+
+# --- poses -----------------------------------------------------------------------------------
+
+
+def bad_poses(now):
+    good = now - 0.01, (0, 0, 0.5)
+    broken = pose_message(*good)
+    broken.header.stamp.nanosec = 10 ** 9
+    yield 'stamp', broken
+    yield 'frame', pose_message(*good, frame='')
+    yield 'frame', pose_message(*good, frame='map')
+    yield 'not_finite', pose_message(now, (nan, 0, 0))
+    yield 'not_finite', pose_message(now, (0, -inf, 0))
+    yield 'not_finite', pose_message(now, (0, 0, 0), (0, 0, nan, 1))
+    yield 'too_far', pose_message(now, (1e300, 0, 0))
+    yield 'zero_quaternion', pose_message(now, (0, 0, 0), (0, 0, 0, 0))
+    yield 'not_unit', pose_message(now, (0, 0, 0), (0, 0, 0, 2))
+    yield 'future', pose_message(now + 10.0, (0, 0, 0))
+    yield 'stale', pose_message(now - 10.0, (0, 0, 0))
+    yield 'backwards', pose_message(now - 0.3, (0, 0, 0))
+
+
+def test_bad_poses_are_dropped_and_counted(drive):
+    """The state stays bit by bit that of a run without them."""
+    def pose(stamp):
+        return (stamp - Driver.START - 1.5, 0.0, 0.5), (0, 0, 0, 1)
+
+    drivers = drive(PADDLE), drive(PADDLE)
+    stamps = jittered_stamps(Driver.START, Driver.START + 2.0)
+    reasons = []
+    for driver in drivers:
+        driver.run(1.0, {'paddle': pose}, stamps)
+        if driver is drivers[0]:
+            for reason, message in bad_poses(driver.now):
+                driver.take('paddle', message)
+                reasons.append(reason)
+        driver.run(1.0, {'paddle': pose}, [s for s in stamps if s + driver.LATENCY > driver.now])
+    for one, other in zip(*map(state, drivers)):
+        np.testing.assert_array_equal(one, other)
+    dropped = drivers[0].node._poses.dropped
+    assert not drivers[1].node._poses.dropped
+    assert dropped == {('paddle', reason): reasons.count(reason) for reason in reasons}
+
+
+def test_zero_stamp_means_now(drive):
+    driver = drive(PADDLE)
+    driver.run(0.1)
+    driver.take('paddle', pose_message(None, (1, 2, 3)))
+    driver.run(0.1)
+    np.testing.assert_array_equal(driver.simulation.collider_pose('paddle')[0], [1, 2, 3])
+
+
+@pytest.mark.parametrize('reliability', list(ReliabilityPolicy)[1:3])
+@pytest.mark.parametrize('durability', list(DurabilityPolicy)[1:3])
+def test_poses_from_publishers_of_all_kinds(drive, reliability, durability):
+    driver = drive(PADDLE)
+    publisher = driver.peer.create_publisher(PoseStamped, 'paddle/pose', QoSProfile(
+        depth=5, reliability=reliability, durability=durability))
+    driver.spin_until(lambda: publisher.get_subscription_count() > 0)
+    publisher.publish(pose_message(None, (1, 2, 3)))
+    driver.spin_until(lambda: driver.node._poses._streams['paddle'].newest is not None)
+
+
+# --- diagnostics -----------------------------------------------------------------------------
+
+
+def report(driver):
+    return driver.node._diagnostics.report('node', driver.simulation, driver.node._poses,
+                                           driver.node._now())
+
+
+def test_diagnostics(drive):
+    driver = drive(PADDLE)
+    messages = subscribe(driver, DiagnosticArray, '/diagnostics')
+    driver.run(0.2, {'paddle': lambda stamp: ((-1, 0, 0.5), (0, 0, 0, 1))}, [driver.now])
+    simulation, poses = report(driver).status
+    assert simulation.level == poses.level == DiagnosticStatus.OK
+    assert {'steps per second', 'real-time factor', 'collisions'} <= {
+        value.key for value in simulation.values}
+    driver.take('paddle', pose_message(None, (nan, 0, 0)))
+    _, poses = report(driver).status
+    assert poses.level == DiagnosticStatus.WARN
+    assert ('dropped paddle: not_finite', '1') in [(v.key, v.value) for v in poses.values]
+    assert report(driver).status[1].level == DiagnosticStatus.OK
+    driver.run(1.0)
+    assert 'paddle stands still' in report(driver).status[1].message
+    driver.spin_until(lambda: messages)
+    assert messages[0].status[0].name == '/collision_sim: simulation'
