@@ -9,8 +9,8 @@ What happens in a scene: particles, colliders and time.
 """
 
 import math
-from numbers import Integral
-from typing import NamedTuple
+from numbers import Integral, Real
+from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
@@ -57,12 +57,20 @@ class Contacts(NamedTuple):
 
 
 class Track(NamedTuple):
-    """Poses (S, 12) of a collider at the ends of the next S steps; twists at both ends (S, 6)."""
+    """
+    Poses (S, 12) of a collider at the ends of the next S steps; twists at both ends (S, 6).
+
+    chords (S, 6) where the twists are estimated from the poses, None where they were given.
+    """
 
     poses: np.ndarray
     starts: np.ndarray
     ends: np.ndarray
-    estimated: bool
+    chords: Optional[np.ndarray]
+
+    def part(self, rows):
+        """Give some of the steps."""
+        return Track(*(None if table is None else table[rows] for table in self))
 
 
 class Simulation:
@@ -178,7 +186,7 @@ class Simulation:
         particle, collider, state = log[:, :POINT].T.astype(np.int64)
         mass = np.broadcast_to(self.scene.particles.mass, self._x.shape[1:])[particle]
         return Contacts(particle, collider, log[:, POINT:NORMAL], log[:, NORMAL:CHANGE],
-                        mass[:, None] * log[:, CHANGE:], state)
+                        _times(mass[:, None], log[:, CHANGE:]), state)
 
     def collider_pose(self, name):
         """
@@ -205,11 +213,11 @@ class Simulation:
     def energy(self):
         """Kinetic energy plus potential energy in the gravity field, zero at the origin [J]."""
         specific = 0.5 * np.square(self._v).sum(axis=0) - np.array(self.scene.gravity) @ self._x
-        return float(np.sum(self.scene.particles.mass * specific))
+        return float(np.sum(_times(self.scene.particles.mass, specific)))
 
     def momentum(self):
         """Momentum of all particles, (3,) float64 [N s]."""
-        return (self.scene.particles.mass * self._v).sum(axis=1)
+        return _times(self.scene.particles.mass, self._v).sum(axis=1)
 
     # ------------------------------------------------------------------ time
 
@@ -245,7 +253,7 @@ class Simulation:
         steps : int
 
         """
-        if not (isinstance(duration, (int, float)) and 0.0 <= duration < math.inf):
+        if not (isinstance(duration, Real) and 0.0 <= duration < math.inf):
             raise SceneError('advance', duration, 'must be a finite number that is not negative')
         steps = round(duration / self.dt) if self.dt > 0.0 else 0
         self.step(steps)
@@ -266,20 +274,29 @@ class Simulation:
             poses[1:, k] = track.poses[:steps]
             motion[:, k, START:END] = track.starts[:steps]
             motion[:, k, END:ESTIMATED] = track.ends[:steps]
-            motion[:, k, ESTIMATED] = track.estimated
+            motion[:, k, ESTIMATED] = track.chords is not None
             if len(track.poses) > steps:
-                self._tracks[k] = Track(*(part[steps:] for part in track[:3]), track.estimated)
+                self._tracks[k] = track.part(slice(steps, None))
+            self._remember(k, track.part(slice(steps)))
         self._rest_colliders(tracks, steps)
         fill_turns(poses, motion)
         self._poses, self._motion = poses, motion
         return steps
 
+    def _remember(self, k, track):
+        """Keep what the twists of the next move depend on: the last chords, or the last twist."""
+        if track.chords is None:
+            self._given[k], self._chords[k] = track.ends[-1:], NO_CHORDS
+        else:
+            before = self._chords.get(k, NO_CHORDS)
+            self._chords[k] = np.concatenate([before, track.chords])[-2:]
+            self._given.pop(k, None)
+
     def _rest_colliders(self, tracks, steps):
         """Colliders that were moved before and are not now stand still from here on."""
+        still = np.zeros((min(steps, 2), TWIST))
         for k in self._chords.keys() - tracks.keys():
-            still = np.zeros((min(steps, 2), TWIST))
-            self._chords[k] = np.concatenate([self._chords[k], still])[-2:]
-            self._given.pop(k, None)
+            self._remember(k, Track(None, None, None, still))
 
     def _move_particles(self, steps):
         """Run the kernels over all blocks of particles."""
@@ -346,22 +363,15 @@ class Simulation:
         p = _rows(f'colliders.{name}.position', position, 3)
         q = _unit(f'colliders.{name}.orientation', orientation, len(p))
         if twist is None:
-            starts, ends = self._estimated_twists(k, p, q)
+            before_p, before_q = self._pose(k)
+            chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]),
+                                  self.dt or 1.0)
+            starts, ends = end_twists(chords, self._chords.get(k, NO_CHORDS))
         else:
             ends = _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
-            starts = np.concatenate([self._given.get(k, ends[:1]), ends[:-1]])
-            self._given[k], self._chords[k] = ends[-1:], NO_CHORDS
-        poses = pose_rows(self._frames[k], p, q)
-        self._tracks[k] = Track(poses, starts, ends, twist is None)
+            starts, chords = np.concatenate([self._given.get(k, ends[:1]), ends[:-1]]), None
+        self._tracks[k] = Track(pose_rows(self._frames[k], p, q), starts, ends, chords)
         self._moves = True
-
-    def _estimated_twists(self, k, p, q):
-        """Twists of a collider at both ends of each step, from its poses."""
-        before_p, before_q = self._pose(k)
-        chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]), self.dt or 1.0)
-        before = self._chords.get(k, NO_CHORDS)
-        self._chords[k] = np.concatenate([before, chords])[-2:]
-        return end_twists(chords, before)
 
     def place_collider(self, name, position, orientation):
         """
@@ -395,6 +405,12 @@ class Simulation:
             allowed = 'must be one of ' + (', '.join(self._indices) or '(no colliders)')
             raise SceneError('collider', name, allowed)
         return self._indices[name]
+
+
+def _times(mass, amount):
+    """Multiply by a mass that may be infinite: nothing of an infinite mass is nothing."""
+    with np.errstate(invalid='ignore'):
+        return np.where(amount == 0.0, 0.0, mass * amount)
 
 
 def _rows(key, value, columns, count=None):

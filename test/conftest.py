@@ -20,7 +20,8 @@ def _fresh_kernels():
     Numba looks only at the file of the function it caches: after a change in a file from which
     that function calls another one, it would go on using the old machine code.
     """
-    sources = sorted((ROOT / 'collision_sim').rglob('*.py'))
+    package = ROOT / 'collision_sim'
+    sources = sorted([*package.glob('*.py'), *package.glob('core/*.py')])
     state = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()
     return ROOT / '.pytest_cache' / 'numba' / state[:16]
 

@@ -11,15 +11,14 @@ import datetime
 import math
 import pickle
 
-from hypothesis import given, settings, strategies as st
-import numpy as np
-from numpy.testing import assert_allclose, assert_array_equal
-import pytest
-
 from collision_sim import load_scene, Scene, SceneError
 from collision_sim import scene as scene_module
 from collision_sim.scene import Collider, Drag, Friction, Motion, Oscillation, Stepping
 from collision_sim.scene import shipped_scenes
+from hypothesis import given, settings, strategies as st
+import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
+import pytest
 
 FULL = {
     'gravity': [0, 0, -9.81],

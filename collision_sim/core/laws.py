@@ -11,7 +11,7 @@ of the change of normal velocity, and friction is a factor on the tangential vel
 the laws: R. Bridson's lecture notes on particle collision, contact and friction.
 """
 
-from collision_sim.core.jit import formula
+from collision_sim.core.jit import law
 import numpy as np
 
 EXPONENTIAL, CAPPED, LINEAR = 0, 1, 2       # forms of wet friction
@@ -19,7 +19,7 @@ SMALLEST = 2.0 ** -1022                     # keeps 0 / 0 away where nothing sli
 WET_FORMS = {'exponential': EXPONENTIAL, 'capped': CAPPED, 'linear': LINEAR}
 
 
-@formula
+@law
 def normal_impulse(v_n, restitution):
     """
     Change of normal velocity in a collision, per unit mass.
@@ -40,7 +40,7 @@ def normal_impulse(v_n, restitution):
     return -(1.0 + restitution) * np.minimum(v_n, 0.0)
 
 
-@formula
+@law
 def dry_friction(speed, dv_n, static, kinetic):
     """
     Factor of Coulomb friction on the tangential velocity.
@@ -65,7 +65,7 @@ def dry_friction(speed, dv_n, static, kinetic):
     return slips * (1.0 - np.minimum(kinetic * dv_n / np.maximum(speed, SMALLEST), 1.0))
 
 
-@formula
+@law
 def wet_friction_linear(coefficient, dv_n):
     """
     Factor of wet friction in its explicit form; unstable: it reverses beyond D dv_n = 1.
@@ -86,7 +86,7 @@ def wet_friction_linear(coefficient, dv_n):
     return 1.0 - coefficient * dv_n
 
 
-@formula
+@law
 def wet_friction_capped(coefficient, dv_n):
     """
     Factor of wet friction in its explicit form, capped at a stop.
@@ -107,7 +107,7 @@ def wet_friction_capped(coefficient, dv_n):
     return np.maximum(wet_friction_linear(coefficient, dv_n), 0.0)
 
 
-@formula
+@law
 def wet_friction_exponential(coefficient, dv_n):
     """
     Factor of wet friction, exact for a normal force that acts while the particle slides.
@@ -128,7 +128,7 @@ def wet_friction_exponential(coefficient, dv_n):
     return np.exp(-(coefficient * dv_n))
 
 
-@formula
+@law
 def repulsion(depth, dt, share, highest):
     """
     Separating speed given to a particle that is inside a collider at both ends of a step.

@@ -317,13 +317,14 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w
 
 @inlined
 def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, target, obj, u, w,
-          first, hit):
+          first, hit, lawful):
     """
     One pass of the contact stage against one collider.
 
     A particle that started inside is repelled: its approach ends, and the mean velocity gets the
     separating speed of laws.repulsion. That speed is not kept in the end velocity, so that nothing
-    is shot out of a deep start.
+    is shot out of a deep start: in that pass, and in later ones of the step (`lawful`), the end
+    velocity gets the law by itself in every method.
 
     Returns
     -------
@@ -335,18 +336,80 @@ def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, targe
     target = _contact_target(rules.checks, table[c, RESTITUTION], u_n, target, first)
     u_after, stuck = respond(rules, table, c, u, obj, n, u_n, target - u_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
-    if repelled:
-        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, w,
-                                True)
-        state, counter = REPULSION, N_REPULSION
+    if lawful or repelled:
+        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, w, True)
     else:
         w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
                                 w, hit)
-        state, counter = (STICK if stuck else SLIDE), N_CONTACT
-        if target > 0.0:
-            state, counter = COLLISION, N_COLLISION
+    state, counter = (STICK if stuck else SLIDE), N_CONTACT
+    if target > 0.0:
+        state, counter = COLLISION, N_COLLISION
+    if repelled:
+        state, counter = REPULSION, N_REPULSION
     record(log, accounts, here, c, state, x1, n, subtract(w_after, w))
     accounts[here.block, counter] += 1
+    return u_after, w_after
+
+
+@inlined
+def _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, v):
+    """
+    Velocity that approaches neither of two colliders, with the friction of both.
+
+    It stays as it is where two closing colliders would squeeze the particle out faster than twice
+    their speed.
+    """
+    v1, v2, k = dot(subtract(v, obj1), n1), dot(subtract(v, obj2), n2), dot(n1, n2)
+    across = 1.0 - k * k
+    if (v1 >= 0.0 and v2 >= 0.0) or across < PARALLEL:
+        return v
+    a, b = (k * v2 - v1) / across, (k * v1 - v2) / across
+    if b <= 0.0:
+        a, b = max(-v1, 0.0), 0.0
+    elif a <= 0.0:
+        a, b = 0.0, max(-v2, 0.0)
+    after = add_scaled(add_scaled(v, a, n1), b, n2)
+    if length(after) > length(v) + 2.0 * (length(obj1) + length(obj2)):
+        return v
+    for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
+        relative = subtract(after, obj)
+        factor = (_dry_factor(rules.dry, table, c, length(relative), dv_n)
+                  * _wet_factor(rules.wet, table, c, dv_n))
+        after = add_scaled(after, factor - 1.0, relative)
+    return after
+
+
+@inlined
+def _joint_end(checks, rules, here, table, poses, motion, c1, c2, n1, n2, x1, du, w):
+    """End velocity after `press_jointly`, as in `_end_response`."""
+    if checks is not None:
+        obj1 = point_velocity(motion, poses, here.step, END, here.end, c1, x1)
+        obj2 = point_velocity(motion, poses, here.step, END, here.end, c2, x1)
+        return _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, w)
+    return add(w, du)
+
+
+@inlined
+def press_jointly(rules, here, table, poses, motion, accounts, x0, c1, c2, n1, n2, u, w):
+    """
+    Contact with two colliders at once, for a particle that passes one by one leave approaching.
+
+    In a groove of angle alpha a pass leaves cos(alpha)^2 of the approach of the pass before, which
+    takes thousands of passes in an acute one. Here both impulses come from one linear system.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity after it.
+
+    """
+    dt = rules.flight.dt
+    obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
+    obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
+    u_after = _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, u)
+    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, c1, c2, n1, n2,
+                         add_scaled(x0, dt, u_after), subtract(u_after, u), w)
+    accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
 
 
@@ -463,7 +526,8 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
 
     """
     u, w = fly(rules.flight, v0)
-    hits, passes, before = 0, 0, NONE
+    hits, passes, before, other, lawful = 0, 0, NONE, NONE, False
+    n1, n2 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
         if passes == rules.passes:
@@ -481,8 +545,15 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
         else:
             first = passes == 0 or rules.once
             u, w = press(rules, here, table, poses, motion, log, accounts, x0, c, n, v_n, target,
-                         obj, u, w, first, hits > 0)
-            passes, before = passes + 1, c
+                         obj, u, w, first, hits > 0, lawful)
+            lawful = lawful or target > 0.0
+            if c != before:
+                other, n2 = before, n1
+            passes, before, n1 = passes + 1, c, n
+    if other != NONE and not lawful:
+        u, w = press_jointly(rules, here, table, poses, motion, accounts, x0, before, other,
+                             n1, n2, u, w)
+        x1 = add_scaled(x0, rules.flight.dt, u)
     x1, c, other = push_out(rules, here, table, poses, motion, x0, x1)
     if c != NONE:
         return fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0)

@@ -1,0 +1,362 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0
+# SPDX-License-Identifier: Apache-2.0
+"""Simulation: time, state, moves, parameters, records, and what it refuses."""
+
+from math import inf, nan, pi
+
+from collision_sim import SceneError
+import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
+import pytest
+from small_scenes import EPSILON, G, METHODS, plane, simulate, UPRIGHT
+
+KEYS = ['collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced']
+QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
+
+
+def drop(**scene):
+    """Give a particle above the ground, and a lid that can be moved."""
+    lid = plane((0.0, 0.0, -1.0), (0.0, 0.0, 9.0), name='lid', topic='lid/pose')
+    return simulate([plane(), lid], (0.0, 0.0, 1.0), (0.5, 0.0, 0.0), **scene)
+
+
+def test_time_is_counted_in_steps():
+    """No rounding builds up over many steps."""
+    sim = drop(dt=0.1)
+    assert sim.time == 0.0
+    sim.step()
+    sim.step(9)
+    assert sim.time == 10 * 0.1
+    assert sim.dt == 0.1
+    sim.step(0)
+    assert sim.time == 10 * 0.1
+
+
+@pytest.mark.parametrize(('duration', 'steps'), [(0.0, 0), (1.0, 10), (0.96, 10), (0.04, 0),
+                                                 (1, 10), (1e3, 10_000)])
+def test_advance_takes_whole_steps(duration, steps):
+    sim = simulate([], (0.0, 0.0, 0.0), dt=0.1)
+    assert sim.advance(duration) == steps
+    assert sim.time == steps * 0.1
+
+
+@pytest.mark.parametrize('steps', [-1, 1.0, 1.5, nan, None, 'one', True])
+def test_steps_that_are_none(steps):
+    sim = drop()
+    with pytest.raises(SceneError, match='step'):
+        sim.step(steps)
+    assert sim.time == 0.0
+
+
+@pytest.mark.parametrize('duration', [-1.0, nan, inf, None, 'one'])
+def test_durations_that_are_none(duration):
+    sim = drop()
+    with pytest.raises(SceneError, match='advance'):
+        sim.advance(duration)
+    assert sim.time == 0.0
+
+
+def test_steps_of_numpy():
+    sim = drop()
+    sim.step(np.int64(3))
+    sim.advance(np.float64(sim.dt))
+    assert sim.time == 4 * sim.dt
+
+
+def test_position_and_velocity_are_views():
+    """They may be written to, and the scene keeps its start."""
+    sim = drop()
+    assert sim.position.shape == sim.velocity.shape == (1, 3)
+    position = sim.position
+    sim.step()
+    assert position is not sim.position and np.shares_memory(position, sim.position)
+    assert position[0, 0] == sim.position[0, 0] != 0.0
+    sim.position[0] = (7.0, 8.0, 9.0)
+    sim.velocity[:] = 0.0
+    sim.step()
+    assert_allclose(sim.position[0], (7.0, 8.0, 9.0 - 0.5 * G * sim.dt ** 2), rtol=1e-15)
+    assert sim.scene.particles.position[0, 2] == 1.0
+
+
+def test_two_simulations_of_a_scene_are_apart():
+    sim, other = drop(), None
+    other = type(sim)(sim.scene)
+    sim.step(100)
+    assert other.time == 0.0
+    assert_array_equal(other.position, [(0.0, 0.0, 1.0)])
+
+
+def test_reset():
+    """Back to the start, with the parameters as they are now, and the colliders in place."""
+    sim = drop()
+    sim.set_parameter('restitution', 0.75)
+    sim.move_collider('lid', (0.0, 0.0, 5.0), UPRIGHT)
+    sim.step(200)
+    assert sum(sim.counters.values()) > 0
+    sim.move_collider('lid', (0.0, 0.0, 1.0), UPRIGHT)
+    sim.reset()
+    assert sim.time == 0.0
+    assert_array_equal(sim.position, [(0.0, 0.0, 1.0)])
+    assert_array_equal(sim.velocity, [(0.5, 0.0, 0.0)])
+    assert sim.counters == dict.fromkeys(KEYS, 0)
+    assert len(sim.contacts.particle) == 0
+    assert sim.unplaced == []
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 9.0))
+    sim.step()                                      # the pending move is forgotten
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 9.0))
+    assert sim.scene.restitution == 0.75
+
+
+def test_parameters_act_from_the_next_step_on():
+    """The default of all colliders, and one collider of its own."""
+    def bounce(**parameters):
+        sim = simulate([plane()], (0.0, 0.0, 1e-3), (3.0, 0.0, -4.0), gravity=(0.0, 0.0, 0.0))
+        for path, value in parameters.items():
+            sim.set_parameter(path.replace('__', '.'), value)
+        sim.step()
+        return sim.velocity[0]
+    assert_array_equal(bounce(), (3.0, 0.0, 0.0))
+    assert_array_equal(bounce(restitution=0.5), (3.0, 0.0, 2.0))
+    assert_array_equal(bounce(restitution=0.5, colliders__ground__restitution=1.0), (3., 0., 4.))
+    assert_allclose(bounce(friction__dry=0.25), (2.0, 0.0, 0.0))
+    assert_array_equal(bounce(colliders__ground__friction__dry=9.0), (0.0, 0.0, 0.0))
+    assert_allclose(bounce(friction__wet=0.5), (3.0 * np.exp(-2.0), 0.0, 0.0))
+    assert bounce(gravity=(0.0, 240.0, 0.0))[1] == 1.0
+
+
+def test_parameters_that_the_start_left_out():
+    """Friction and drag that were absent are compiled when they come."""
+    sim = simulate([], (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), drag={'linear': 0.0})
+    sim.step()
+    assert sim.velocity[0, 0] == 1.0
+    sim.set_parameter('drag.linear', 2.0)
+    sim.step()
+    assert sim.velocity[0, 0] == pytest.approx(np.exp(-2.0 * sim.dt), rel=1e-14)
+
+
+@pytest.mark.parametrize(('path', 'value'), [
+    ('restitution', 1.5), ('restitution', nan), ('restitutoin', 0.5), ('friction.dry', -1.0),
+    ('colliders.nobody.restitution', 0.5), ('gravity', 9.81), ('stepping.dt', -1.0), (None, 1.0)])
+def test_parameters_that_are_refused_change_nothing(path, value):
+    sim = drop()
+    scene = sim.scene
+    with pytest.raises(SceneError):
+        sim.set_parameter(path, value)
+    assert sim.scene is scene
+    sim.step()
+
+
+def test_moves():
+    """The pose at the end of the next step, or of the next steps, then it stands still."""
+    sim = drop()
+    position, orientation = sim.collider_pose('lid')
+    assert_array_equal(position, (0.0, 0.0, 9.0))
+    assert_allclose(np.abs(orientation), UPRIGHT, atol=1e-15)
+    sim.move_collider('lid', (1.0, 2.0, 8.0), QUARTER)
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 9.0))
+    sim.step()
+    position, orientation = sim.collider_pose('lid')
+    assert_array_equal(position, (1.0, 2.0, 8.0))
+    assert_allclose(orientation, QUARTER, atol=1e-15)
+    sim.step(10)
+    assert_array_equal(sim.collider_pose('lid')[0], (1.0, 2.0, 8.0))
+    sim.move_collider('lid', [(0.0, 0.0, 7.0), (0.0, 0.0, 6.0), (0.0, 0.0, 5.0)], [UPRIGHT] * 3)
+    for height in (7.0, 6.0, 5.0, 5.0):
+        sim.step()
+        assert sim.collider_pose('lid')[0][2] == height
+
+
+def test_moves_of_several_steps_in_one_call():
+    """However the steps are called, and a new move replaces what is left of the old one."""
+    sim = drop()
+    places = np.array([(0.0, 0.0, 9.0 - 0.1 * k) for k in range(1, 6)])
+    sim.move_collider('lid', places, [UPRIGHT] * 5)
+    sim.step(3)
+    assert_array_equal(sim.collider_pose('lid')[0], places[2])
+    sim.move_collider('lid', (0.0, 0.0, 4.0), UPRIGHT)
+    sim.step(7)
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 4.0))
+
+
+def test_a_place_ends_a_move():
+    """A teleport takes place at once, and drops the poses that were to come."""
+    sim = drop()
+    sim.move_collider('lid', [(0.0, 0.0, 7.0), (0.0, 0.0, 6.0)], [UPRIGHT] * 2)
+    sim.place_collider('lid', (0.0, 0.0, 3.0), QUARTER)
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 3.0))
+    sim.step(2)
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 3.0))
+
+
+def test_orientations_need_not_be_exactly_of_unit_norm():
+    """Within 1e-3 they are brought to it."""
+    sim = drop()
+    sim.move_collider('lid', (0.0, 0.0, 9.0), (0.0, 0.0, 0.0, 1.0009))
+    sim.step()
+    assert_allclose(sim.collider_pose('lid')[1], UPRIGHT, atol=1e-15)
+
+
+SPIN = {'motion': {'angular_velocity': [0.0, 0.0, pi / 2], 'linear_velocity': [1.0, 0.0, 0.0]}}
+
+
+def test_scripted_pose_at_a_time():
+    """Quarter of a turn a second about its position, which goes along."""
+    sim = simulate([plane(point=(2.0, 0.0, 0.0), **SPIN)], (0.0, 0.0, 9.0), dt=0.25)
+    sim.step(4)
+    position, orientation = sim.collider_pose('ground')
+    assert_allclose(position, (3.0, 0.0, 0.0), rtol=1e-15)
+    assert_allclose(orientation, QUARTER, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(('name', 'position', 'orientation', 'key'), [
+    ('nobody', (0, 0, 0), UPRIGHT, 'collider'),
+    ('ground', (0, 0, 0), UPRIGHT, 'colliders.ground'),
+    ('lid', (0, 0), UPRIGHT, 'colliders.lid.position'),
+    ('lid', (0, 0, nan), UPRIGHT, 'colliders.lid.position'),
+    ('lid', (0, inf, 0), UPRIGHT, 'colliders.lid.position'),
+    ('lid', 'here', UPRIGHT, 'colliders.lid.position'),
+    ('lid', None, UPRIGHT, 'colliders.lid.position'),
+    ('lid', [], UPRIGHT, 'colliders.lid.position'),
+    ('lid', [[[0, 0, 0]]], UPRIGHT, 'colliders.lid.position'),
+    ('lid', (0, 0, 0), (0, 0, 0, 0), 'colliders.lid.orientation'),
+    ('lid', (0, 0, 0), (0, 0, 0, 1.01), 'colliders.lid.orientation'),
+    ('lid', (0, 0, 0), (0, 0, nan, 1), 'colliders.lid.orientation'),
+    ('lid', (0, 0, 0), (0, 0, 1), 'colliders.lid.orientation'),
+    ('lid', (0, 0, 0), [UPRIGHT, UPRIGHT], 'colliders.lid.orientation')], ids=str)
+@pytest.mark.parametrize('call', ['move_collider', 'place_collider'])
+def test_moves_that_are_refused(call, name, position, orientation, key):
+    """By the key of the bad value; nothing has changed then."""
+    sim = simulate([plane(**SPIN), plane((0, 0, -1.0), (0, 0, 9.0), name='lid')], (0.0, 0.0, 1.0))
+    with pytest.raises(SceneError) as error:
+        getattr(sim, call)(name, position, orientation)
+    assert error.value.key == key
+    sim.step()
+    assert_array_equal(sim.collider_pose('lid')[0], (0.0, 0.0, 9.0))
+
+
+@pytest.mark.parametrize('twist', [(0, ) * 5, (0, 0, 0, 0, 0, nan), [(0, ) * 6] * 2, 'fast'])
+def test_twists_that_are_refused(twist):
+    sim = drop()
+    with pytest.raises(SceneError) as error:
+        sim.move_collider('lid', (0.0, 0.0, 8.0), UPRIGHT, twist)
+    assert error.value.key == 'colliders.lid.twist'
+
+
+def test_unknown_collider():
+    """All ways to name one say which there are."""
+    sim = drop()
+    with pytest.raises(SceneError, match='ground, lid'):
+        sim.collider_pose('floor')
+
+
+def test_a_move_that_was_replaced_leaves_no_trace():
+    """Only motions that took place may be used to estimate twists."""
+    speeds = []
+    for first in ([0.005], [-0.005, 0.005]):        # the last one before a step counts
+        sim = simulate([plane()], (0.0, 0.0, 0.0))
+        for height in first:
+            sim.move_collider('ground', (0.0, 0.0, height), UPRIGHT)
+        sim.step()
+        sim.move_collider('ground', (0.0, 0.0, 0.02), UPRIGHT)
+        sim.step()
+        speeds.append(sim.velocity[0, 2])
+    assert speeds[0] == speeds[1]
+
+
+def test_poses_that_were_to_come_leave_no_trace():
+    """A new move after some of several poses: only those that took place count."""
+    speeds = []
+    for heights in ([0.005], [0.005, 0.0125]):      # the second one is replaced
+        sim = simulate([plane()], (0.0, 0.0, 0.0))
+        places = [(0.0, 0.0, height) for height in heights]
+        sim.move_collider('ground', places, [UPRIGHT] * len(places))
+        sim.step()
+        sim.move_collider('ground', (0.0, 0.0, 0.015), UPRIGHT)
+        sim.step()
+        speeds.append(sim.velocity[0, 2])
+    assert speeds[0] == speeds[1]
+
+
+def test_counters():
+    """One bounce, then rest: each step of it is a contact."""
+    sim = simulate([plane()], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0, 0.0),
+                   restitution=0.5)
+    assert list(sim.counters) == KEYS
+    sim.step(10)
+    assert sim.counters == {**dict.fromkeys(KEYS, 0), 'collisions': 1}
+    sim.set_parameter('gravity', (0.0, 0.0, -G))
+    sim.step(2000)
+    before = sim.counters['contacts']
+    sim.step(7)
+    assert sim.counters['contacts'] == before + 7
+    assert all(isinstance(count, int) for count in sim.counters.values())
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_unplaced_particles_are_noted(method):
+    """Hemmed in by two walls that leave no place: who, in what, by what; the first eight."""
+    sim = simulate([plane((1.0, 0.0, 0.0), name='left'), plane((-1.0, 0.0, 0.0), name='right')],
+                   [(0.0, 0.1 * k, 0.0) for k in range(10)], method=method)
+    sim.move_collider('left', (0.01, 0.0, 0.0), UPRIGHT)
+    sim.move_collider('right', (-0.01, 0.0, 0.0), UPRIGHT)
+    sim.step()
+    assert sim.counters['unplaced'] == sim.counters['fail_safes'] == 10
+    assert [particle for particle, _, _ in sim.unplaced] == list(range(8))
+    for _, name, reason in sim.unplaced:
+        assert (name, reason) in (('left', 'hemmed in by right'), ('right', 'hemmed in by left'))
+    assert np.isfinite(sim.position).all()
+    assert np.abs(sim.velocity[:, 0]).max() <= 0.01 / sim.dt * (1.0 + 1e-12)
+    sim.reset()
+    assert sim.unplaced == []
+
+
+def test_contacts_are_of_the_last_step_only():
+    """Also where several steps were taken at once."""
+    sim = simulate([plane()], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0, 0.0),
+                   restitution=1.0)
+    sim.step(3)
+    assert len(sim.contacts.particle) == 1
+    sim.step(3)
+    assert len(sim.contacts.particle) == 0
+    assert sim.counters['collisions'] == 1
+
+
+def test_contacts_have_their_shapes_when_there_are_none():
+    sim = simulate([plane()], (0.0, 0.0, 1.0), contacts=False)
+    sim.step()
+    contacts = sim.contacts
+    assert contacts.point.shape == contacts.normal.shape == contacts.impulse.shape == (0, 3)
+    assert contacts.particle.shape == contacts.collider.shape == contacts.state.shape == (0, )
+    assert contacts.particle.dtype == contacts.state.dtype == np.int64
+
+
+def test_contacts_of_particles_with_masses():
+    """The impulse is that on the particle."""
+    sim = simulate([plane()], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], particles={'mass': [1.0, 4.0]})
+    sim.step(3)
+    assert_allclose(sim.contacts.impulse[:, 2], np.array((1.0, 4.0)) * G * sim.dt, rtol=1e-12)
+
+
+def test_contacts_of_later_blocks():
+    """Particles are numbered through, in order, beyond the first block of 512."""
+    sim = simulate([plane()], [(float(k), 0.0, 0.0) for k in range(1100)])
+    sim.step()
+    assert_array_equal(sim.contacts.particle, np.arange(1100))
+    assert_allclose(sim.contacts.point[:, 0], np.arange(1100.0))
+
+
+def test_energy_is_kept_by_elastic_bounces():
+    sim = simulate([plane()], (0.0, 0.0, 1.0), dt=1e-2, restitution=1.0,
+                   particles={'mass': 3.0})
+    assert sim.energy() == pytest.approx(3.0 * G, rel=EPSILON)
+    sim.step(1000)
+    assert sim.energy() == pytest.approx(3.0 * G, rel=1000 * 4 * EPSILON)
+    assert_allclose(sim.momentum(), 3.0 * sim.velocity[0], rtol=EPSILON)
+
+
+def test_radius_of_some():
+    """The clearance is that of the balls."""
+    sim = simulate([plane()], [(0.0, 0.0, 1.0), (0.0, 0.0, 1.0)], particles={'radius': [0.0, 0.3]})
+    assert_array_equal(sim.clearance(), (1.0, 0.7))
