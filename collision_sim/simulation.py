@@ -142,7 +142,7 @@ class Simulation:
         self._tracks = {}
         self._chords = {}
         self._given = {}
-        self._moves = len(self._scripted) > 0
+        self._moves = any(collider.moving for collider in self.scene.colliders)
 
     # ------------------------------------------------------------------ state
 
