@@ -36,7 +36,7 @@ SCENES = Path(__file__).parent / 'scenes'
 
 # What a scene can ask for. A new method, shape, ... is named here and nowhere else in this file.
 METHODS = ('single_pass', 'multi_pass', 'collision_then_contact')
-DETECTIONS = ('end_of_step',)
+DETECTIONS = ('end_of_step', 'trajectory')
 FLIGHTS = ('ballistic', 'symplectic_euler')
 WET_FORMS = ('exponential', 'capped', 'linear')
 

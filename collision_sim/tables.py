@@ -55,6 +55,7 @@ def step_rules(scene, table):
     return Rules(
         flight, present, dry=_used(f.static is not None for f in frictions),
         wet=_used(f.wet is not None for f in frictions),
+        sweep=_used([stepping.detection == 'trajectory']),
         checks=_used([stepping.method == 'collision_then_contact']),
         passes=max(len(table), 1) if once else stepping.iterations, once=once,
         share=stepping.repulsion, highest=stepping.repulsion_speed)

@@ -470,8 +470,8 @@ def test_wrong_sections(path, key, value):
      "colliders.paddle.topic: 'paddle pose': must be a valid topic name such as paddle/pose"),
     (['stepping', 'method'], 'exact', "stepping.method: 'exact': "
      'must be one of single_pass, multi_pass, collision_then_contact'),
-    (['stepping', 'detection'], 'trajectory',
-     "stepping.detection: 'trajectory': must be one of end_of_step"),
+    (['stepping', 'detection'], 'path',
+     "stepping.detection: 'path': must be one of end_of_step, trajectory"),
     (['stepping', 'dt'], -1e-3, 'stepping.dt: -0.001: must be a finite number from 0 upwards'),
     (['stepping', 'iterations'], 0,
      'stepping.iterations: 0: must be a whole number from 1 to 10000'),

@@ -38,6 +38,22 @@ def radius_at(radius, i):
 
 
 @kernel
+def margin_at(margins, c):
+    """Margin [m] around collider c; None without margins."""
+    if margins is not None:
+        return margins[c]
+    return None
+
+
+@kernel
+def near_at(radius, i, margin):
+    """Distance [m] from collider to centre at which particle i may touch it."""
+    if margin is not None:
+        return radius_at(radius, i) + margin
+    return radius_at(radius, i)
+
+
+@kernel
 def _slow_block(quadratic, vx, vy, vz, factor):
     """Half a step of quadratic drag on a block, if there is any; the formula of flight.slowed."""
     if quadratic is not None:
@@ -113,22 +129,24 @@ def _square_limit(size, side, r):
 
 
 @kernel
-def _clear_planes(present, table, poses, radius, x, y, z, clear):
+def _clear_planes(present, table, poses, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
+            margin = margin_at(margins, c)
             if table[c, KIND] != PLANE:
                 continue
             pose, side = poses[c], table[c, SIDE]
             nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
             for i in range(x.shape[0]):
                 q = nx * (x[i] - px) + ny * (y[i] - py) + nz * (z[i] - pz)
-                clear[i] = _smaller(clear[i], side * q - radius_at(radius, i))
+                clear[i] = _smaller(clear[i], side * q - near_at(radius, i, margin))
 
 
 @kernel
-def _clear_spheres(present, table, poses, radius, x, y, z, clear):
+def _clear_spheres(present, table, poses, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
+            margin = margin_at(margins, c)
             if table[c, KIND] != SPHERE:
                 continue
             pose, side = poses[c], table[c, SIDE]
@@ -136,14 +154,15 @@ def _clear_spheres(present, table, poses, radius, x, y, z, clear):
             px, py, pz = pose[9], pose[10], pose[11]
             for i in range(x.shape[0]):
                 ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-                limit = _square_limit(size, side, radius_at(radius, i))
+                limit = _square_limit(size, side, near_at(radius, i, margin))
                 clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
 
 
 @kernel
-def _clear_boxes(present, table, poses, radius, x, y, z, clear):
+def _clear_boxes(present, table, poses, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
+            margin = margin_at(margins, c)
             if table[c, KIND] != BOX:
                 continue
             p, side = poses[c], table[c, SIDE]
@@ -156,13 +175,14 @@ def _clear_boxes(present, table, poses, radius, x, y, z, clear):
                 dy = abs(r1 * ax + r4 * ay + r7 * az) - h1
                 dz = abs(r2 * ax + r5 * ay + r8 * az) - h2
                 outside = _larger(dx, _larger(dy, dz))
-                clear[i] = _smaller(clear[i], side * outside - radius_at(radius, i))
+                clear[i] = _smaller(clear[i], side * outside - near_at(radius, i, margin))
 
 
 @kernel
-def _clear_capsules(present, table, poses, radius, x, y, z, clear):
+def _clear_capsules(present, table, poses, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
+            margin = margin_at(margins, c)
             if table[c, KIND] != CAPSULE:
                 continue
             pose, side = poses[c], table[c, SIDE]
@@ -174,14 +194,15 @@ def _clear_capsules(present, table, poses, radius, x, y, z, clear):
                 lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
                 lz = r2 * ax + r5 * ay + r8 * az
                 lz = lz - _smaller(_larger(lz, -half), half)
-                limit = _square_limit(size, side, radius_at(radius, i))
+                limit = _square_limit(size, side, near_at(radius, i, margin))
                 clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
 
 
 @kernel
-def _clear_cylinders(present, table, poses, radius, x, y, z, clear):
+def _clear_cylinders(present, table, poses, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
+            margin = margin_at(margins, c)
             if table[c, KIND] != CYLINDER:
                 continue
             pose, side = poses[c], table[c, SIDE]
@@ -192,14 +213,22 @@ def _clear_cylinders(present, table, poses, radius, x, y, z, clear):
                 ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
                 lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
                 lz = r2 * ax + r5 * ay + r8 * az
-                r = radius_at(radius, i)
+                r = near_at(radius, i, margin)
                 barrel = lx * lx + ly * ly - _square_limit(size, side, r)
                 outside = _larger(barrel, abs(lz) - (half + side * r) * (1.0 + side * MARGIN))
                 clear[i] = _smaller(clear[i], side * outside)
 
 
 @kernel
-def find_touching(present, table, poses, radius, x, y, z, clear, touching):
+def path_lengths(x, y, z, old, radius, lengths):
+    """Write the length of each path of a block, plus the radius, to `lengths` (B,) [m]."""
+    for i in range(x.shape[0]):
+        dx, dy, dz = x[i] - old[0, i], y[i] - old[1, i], z[i] - old[2, i]
+        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)
+
+
+@kernel
+def find_touching(present, table, poses, radius, margins, x, y, z, clear, touching):
     """
     Particles of a block that may be inside a collider.
 
@@ -210,7 +239,9 @@ def find_touching(present, table, poses, radius, x, y, z, clear, touching):
     poses : (C, 12) float64
         Poses at the end of the step.
     radius : (B,) float64 [m] or None
-        Of the particles of the block.
+        Of the particles of the block; with sweeps also the length of their paths.
+    margins : (C,) float64 [m] or None
+        With sweeps, how far each collider came.
     x, y, z : (B,) float64 [m]
         Candidate positions.
     clear, touching : (B,) float64, (B,) int64
@@ -224,11 +255,11 @@ def find_touching(present, table, poses, radius, x, y, z, clear, touching):
     """
     for i in range(clear.shape[0]):
         clear[i] = 1.0
-    _clear_planes(present.planes, table, poses, radius, x, y, z, clear)
-    _clear_spheres(present.spheres, table, poses, radius, x, y, z, clear)
-    _clear_boxes(present.boxes, table, poses, radius, x, y, z, clear)
-    _clear_capsules(present.capsules, table, poses, radius, x, y, z, clear)
-    _clear_cylinders(present.cylinders, table, poses, radius, x, y, z, clear)
+    _clear_planes(present.planes, table, poses, radius, margins, x, y, z, clear)
+    _clear_spheres(present.spheres, table, poses, radius, margins, x, y, z, clear)
+    _clear_boxes(present.boxes, table, poses, radius, margins, x, y, z, clear)
+    _clear_capsules(present.capsules, table, poses, radius, margins, x, y, z, clear)
+    _clear_cylinders(present.cylinders, table, poses, radius, margins, x, y, z, clear)
     count = 0
     for i in range(clear.shape[0]):
         touching[count] = i

@@ -20,18 +20,18 @@ linear velocity of the position [m/s], then angular velocity [rad/s], world fram
 the script or the pose stream where these know them, else from the chords between poses.
 """
 
-from math import cos, pi, sin, sqrt
+from math import atan2, cos, pi, sin, sqrt
 
 from collision_sim.core.jit import formula, kernel
 from collision_sim.core.rotation import turn_between
-from collision_sim.core.vectors import add, cross, origin, subtract
+from collision_sim.core.vectors import add, cross, dot, origin, subtract
 import numpy as np
 
 POSE, TWIST, SCRIPT = 12, 6, 10         # row lengths of the tables
 # Columns of the motion table (S, C, MOTION), which is None where no collider moves:
-# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, and 1
-# where these are estimated from the poses.
-SHIFT, START, END, ESTIMATED, MOTION = 9, 12, 18, 24, 25
+# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, 1
+# where these are estimated from the poses, and the turn of the step, axis times angle [rad].
+SHIFT, START, END, ESTIMATED, TURN, MOTION = 9, 12, 18, 24, 25, 28
 
 
 @kernel
@@ -106,9 +106,24 @@ def script_poses(scripted, bases, scripts, first, dt, poses, motion, twist):
             if s < motion.shape[0]:
                 for k in range(TWIST):
                     motion[s, c, START + k] = twist[k]
+                for k in range(3):
+                    motion[s, c, TURN + k] = dt * twist[3 + k]
             if s > 0:
                 for k in range(TWIST):
                     motion[s - 1, c, END + k] = twist[k]
+
+
+@kernel
+def fill_turn(out):
+    """Write the turn of a step, the shortest way, from the matrix in its row, if not given."""
+    if out[TURN] != 0.0 or out[TURN + 1] != 0.0 or out[TURN + 2] != 0.0:
+        return
+    s = (0.5 * (out[7] - out[5]), 0.5 * (out[2] - out[6]), 0.5 * (out[3] - out[1]))
+    sine, cosine = sqrt(dot(s, s)), 1.0 + 0.5 * (out[0] + out[4] + out[8])
+    if sine > 0.0:
+        angle = atan2(sine, cosine)
+        for k in range(3):
+            out[TURN + k] = s[k] * (angle / sine)
 
 
 @formula
@@ -126,6 +141,7 @@ def fill_turns(poses, motion):
                         b[3 * i] * a[3 * j] + b[3 * i + 1] * a[3 * j + 1]
                         + b[3 * i + 2] * a[3 * j + 2] - (1.0 if i == j else 0.0))
                 out[SHIFT + i] = b[9 + i] - a[9 + i]
+            fill_turn(out)
 
 
 def chord_twists(positions, orientations, dt):

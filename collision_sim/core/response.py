@@ -38,15 +38,16 @@ from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, normal_i
 from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
 from collision_sim.core.shapes import (KINETIC, Present, RESTITUTION, signed_distance, SIZE,
                                        STATIC, WET, WET_FORM)
+from collision_sim.core.trajectory import first_hit, NEVER, path_velocity
 from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, largest, length, origin,
                                         subtract)
 
 COLLISION, SLIDE, STICK, REPULSION = 1, 2, 3, 4         # states of a contact
 STATES = {COLLISION: 'collision', SLIDE: 'slide', STICK: 'stick', REPULSION: 'repulsion'}
 
-COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced')
-N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED = range(5)
-N_LOGGED, ACCOUNTS = 5, 6   # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
+COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided')
+N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED = range(6)
+N_LOGGED, ACCOUNTS = 6, 7   # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
 
 # Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes
@@ -59,6 +60,7 @@ CHECKS = 3                  # most collisions of a particle in one step, as in t
 PUSHES = 12                 # times a particle is pushed to a surface before the fail-safe
 PARALLEL = 1e-14            # square of the sine below which two normals are parallel
 ROUNDING = 16.0 * EPSILON   # relative size of a velocity or depth that is only rounding
+SAME_SIDE = 0.5             # cosine above which two normals belong to the same side of a surface
 NONE = -1                   # no collider
 
 
@@ -66,15 +68,17 @@ class Rules(NamedTuple):
     """
     What a step does: numbers and, where a feature is absent, None; no arrays.
 
-    present: the shapes; dry, wet: 1 if any collider has such friction; checks: 1 if the method has
-    a collision stage; passes: most passes of the contact stage; once: each collider at most once
-    in turn (`single_pass`); share [-] and highest [m/s]: the repulsion.
+    present: the shapes; dry, wet: 1 if any collider has such friction; sweep: 1 if impacts are
+    found along the path; checks: 1 if the method has a collision stage; passes: most passes of
+    the contact stage; once: each collider at most once in turn (`single_pass`); share [-] and
+    highest [m/s]: the repulsion.
     """
 
     flight: Flight
     present: Present
     dry: Optional[int]
     wet: Optional[int]
+    sweep: Optional[int]
     checks: Optional[int]
     passes: int
     once: bool
@@ -97,6 +101,27 @@ class Here(NamedTuple):
 def distance(rules, here, table, poses, row, c, point):
     """Signed distance [m] of the particle to a collider, with a row of poses."""
     return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
+
+
+class Touch(NamedTuple):
+    """
+    A collider to act on; NOTHING where there is none.
+
+    collider, normal; obj [m/s]: velocity of its material point; point [m]: where the particle
+    touches; v_n, target [m/s]: normal velocity, and the one that repulsion asks for, else 0; hit:
+    whether to act on the velocity at the start of the step (collision stage).
+    """
+
+    collider: int
+    normal: tuple
+    obj: tuple
+    point: tuple
+    v_n: float
+    target: float
+    hit: bool
+
+
+NOTHING = Touch(NONE, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, False)
 
 
 @inlined
@@ -221,7 +246,42 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
-def _hit(checks, rules, here, table, poses, motion, k, n, x0, v0):
+def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
+    """
+    Find the collider to act on next, of those that the particle ends inside of: the deepest.
+
+    `collides` says whether the collision stage is still on. A collider approached with v0 then
+    comes before those that are only approached with u, or not left fast enough.
+
+    Returns
+    -------
+    touch : Touch
+    inside : bool
+        Whether the particle ends inside any collider.
+
+    """
+    touch, phi, inside, dt = NOTHING, 0.0, False, rules.flight.dt
+    for k in range(table.shape[0]):
+        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        if phi_k >= 0.0:
+            continue
+        inside = True
+        n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+        depth = starts_inside(rules, here, table, poses, k, x0)
+        if collides and depth == 0.0 and (phi_k < phi or not touch.hit):
+            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
+            if v_n < 0.0:
+                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True), phi_k
+        if not touch.hit and phi_k < phi:
+            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+            v_n, target = mean_approach(rules, depth, n, obj, u)
+            if v_n < target:
+                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False), phi_k
+    return touch, inside
+
+
+@inlined
+def start_approach(checks, here, poses, motion, k, n, x0, v0):
     """Give normal and material velocity of a collision on v0; 0 without that stage."""
     if checks is not None:
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
@@ -230,58 +290,91 @@ def _hit(checks, rules, here, table, poses, motion, k, n, x0, v0):
 
 
 @inlined
-def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
-    """
-    Find the collider to act on next, of those that the particle ends inside of.
-
-    `collides` says whether the collision stage is still on.
-
-    Returns
-    -------
-    c : int
-        The deepest one that is approached with v0 if the collision stage is on and there is one,
-        else the deepest one that is approached with u or, where the particle started inside, not
-        left fast enough; else NONE.
-    phi : float [m]
-        Signed distance.
-    n, obj : (3,) tuple of float [-], [m/s]
-        Normal, and velocity of the material point: at the start of the step, or its chord.
-    v_n, target : float [m/s]
-        Normal velocity of v0 or u, and the separating speed to repel with, 0 if not repelled.
-    hit, inside : bool
-        Whether to act on v0; whether the particle ends inside any collider.
-
-    """
-    c, phi, n, v_n, target, obj = NONE, 0.0, (0.0, 0.0, 1.0), 0.0, 0.0, (0.0, 0.0, 0.0)
-    hit, inside, dt = False, False, rules.flight.dt
-    for k in range(table.shape[0]):
-        phi_k = distance(rules, here, table, poses, here.end, k, x1)
-        if phi_k >= 0.0:
-            continue
-        inside = True
-        n_k = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
-        depth = starts_inside(rules, here, table, poses, k, x0)
-        if collides and depth == 0.0 and (phi_k < phi or not hit):
-            v_k, obj_k = _hit(rules.checks, rules, here, table, poses, motion, k, n_k, x0, v0)
-            if v_k < 0.0:
-                c, phi, n, v_n, target, obj, hit = k, phi_k, n_k, v_k, 0.0, obj_k, True
-        if not hit and phi_k < phi:
-            obj_k = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
-            v_k, target_k = approach(u, obj_k, n_k), 0.0
-            if depth > 0.0:
-                v_k = dot(subtract(u, obj_k), n_k)
-                target_k = repulsion(depth, dt, rules.share, rules.highest)
-            if v_k < target_k:
-                c, phi, n, v_n, target, obj = k, phi_k, n_k, v_k, target_k, obj_k
-    return c, phi, n, v_n, target, obj, hit, inside
+def mean_approach(rules, depth, n, obj, u):
+    """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
+    if depth > 0.0:
+        target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
+        return dot(subtract(u, obj), n), target
+    return approach(u, obj, n), 0.0
 
 
 @inlined
-def collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0):
+def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1):
+    """
+    Time, normal and arm of the impact with a collider on the path of the step.
+
+    Where the particle touches at the start, and ends inside on the same side, the normal is that
+    at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
+    gain energy. A collider that it started inside of counts as hit at the start if it ends inside.
+    """
+    end, n_end = signed_distance(rules.present, table, poses, here.end, k, x1)
+    arm = subtract(x0, origin(poses, here.start, k))
+    if depth > 0.0:
+        return (0.0 if end < here.radius else NEVER), n_end, arm
+    tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
+                                     here.radius, x0, subtract(x1, x0))
+    accounts[here.block, N_UNDECIDED] += not decided
+    if tau == 0.0 and end < here.radius and dot(n, n_end) > SAME_SIDE:
+        n = n_end
+    return tau, n, arm
+
+
+@inlined
+def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+    """
+    Find the collider to act on next, of those that the particle hits on its path: the earliest.
+
+    As `survey`, with the normal at the hit; the material velocity there where the particle hits on
+    its way, that of `survey` where it touches from the start.
+    """
+    touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
+    for k in range(table.shape[0]):
+        depth = starts_inside(rules, here, table, poses, k, x0)
+        tau, n, arm = _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1)
+        if tau > 1.0:
+            continue
+        inside = True
+        point = add_scaled(x0, tau, subtract(x1, x0))
+        there = path_velocity(motion, here.step, k, arm, dt)
+        if collides and depth == 0.0 and (tau < first or not touch.hit):
+            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
+            if tau > 0.0:
+                v_n, obj = path_approach(rules.checks, v0, there, n), there
+            if v_n < 0.0:
+                touch, first = Touch(k, n, obj, point, v_n, 0.0, True), tau
+        if not touch.hit and tau < first:
+            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+            v_n, target = mean_approach(rules, depth, n, obj, u)
+            if v_n >= target and depth == 0.0:
+                v_n, obj = approach(u, there, n), there
+            if v_n < target:
+                touch, first = Touch(k, n, obj, point, v_n, target, False), tau
+    return touch, inside
+
+
+@inlined
+def path_approach(checks, v0, obj, n):
+    """Give the normal velocity of a collision on v0; 0 without that stage."""
+    if checks is not None:
+        return approach(v0, obj, n)
+    return 0.0
+
+
+@inlined
+def detect(sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+    """Find the next collider to act on: along the path with `sweep`, else at the end."""
+    if sweep is not None:
+        return survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides)
+    return survey(rules, here, table, poses, motion, x0, x1, v0, u, collides)
+
+
+@inlined
+def collide(rules, here, table, log, accounts, touch, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
-    dv_n = normal_impulse(v_n, table[c, RESTITUTION])
-    after, _ = respond(rules, table, c, v0, obj, n, v_n, dv_n)
-    record(log, accounts, here, c, COLLISION, add_scaled(x1, -phi, n), n, subtract(after, v0))
+    c, n = touch.collider, touch.normal
+    dv_n = normal_impulse(touch.v_n, table[c, RESTITUTION])
+    after, _ = respond(rules, table, c, v0, touch.obj, n, touch.v_n, dv_n)
+    record(log, accounts, here, c, COLLISION, touch.point, n, subtract(after, v0))
     accounts[here.block, N_COLLISION] += 1
     return after
 
@@ -326,8 +419,7 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w
 
 
 @inlined
-def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, target, obj, u, w,
-          first, hit, lawful):
+def press(rules, here, table, poses, motion, log, accounts, x0, touch, u, w, first, hit, lawful):
     """
     One pass of the contact stage against one collider.
 
@@ -342,33 +434,34 @@ def press(rules, here, table, poses, motion, log, accounts, x0, c, n, u_n, targe
         Mean and end velocity after it.
 
     """
-    repelled = target > 0.0
-    target = _contact_target(rules.checks, table[c, RESTITUTION], u_n, target, first)
-    u_after, stuck = respond(rules, table, c, u, obj, n, u_n, target - u_n)
+    c, n, repelled = touch.collider, touch.normal, touch.target > 0.0
+    target = _contact_target(rules.checks, table[c, RESTITUTION], touch.v_n, touch.target, first)
+    u_after, stuck = respond(rules, table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     if lawful or repelled:
         w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, w, True)
     else:
         w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
                                 w, hit)
-    state, counter = (STICK if stuck else SLIDE), N_CONTACT
+    state, counter, point = (STICK if stuck else SLIDE), N_CONTACT, x1
     if target > 0.0:
-        state, counter = COLLISION, N_COLLISION
+        state, counter, point = COLLISION, N_COLLISION, touch.point
     if repelled:
-        state, counter = REPULSION, N_REPULSION
-    record(log, accounts, here, c, state, x1, n, subtract(w_after, w))
+        state, counter, point = REPULSION, N_REPULSION, x1
+    record(log, accounts, here, c, state, point, n, subtract(w_after, w))
     accounts[here.block, counter] += 1
     return u_after, w_after
 
 
 @inlined
-def _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, v):
+def _joint_law(rules, table, one, two, obj1, obj2, v):
     """
     Velocity that approaches neither of two colliders, with the friction of both.
 
     It stays as it is where two closing colliders would squeeze the particle out faster than twice
     their speed.
     """
+    n1, n2 = one.normal, two.normal
     v1, v2, k = dot(subtract(v, obj1), n1), dot(subtract(v, obj2), n2), dot(n1, n2)
     across = 1.0 - k * k
     if (v1 >= 0.0 and v2 >= 0.0) or across < PARALLEL:
@@ -381,7 +474,7 @@ def _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, v):
     after = add_scaled(add_scaled(v, a, n1), b, n2)
     if length(after) > length(v) + 2.0 * (length(obj1) + length(obj2)):
         return v
-    for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
+    for c, obj, dv_n in ((one.collider, obj1, a), (two.collider, obj2, b)):
         relative = subtract(after, obj)
         factor = (_dry_factor(rules.dry, table, c, length(relative), dv_n)
                   * _wet_factor(rules.wet, table, c, dv_n))
@@ -390,17 +483,17 @@ def _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, v):
 
 
 @inlined
-def _joint_end(checks, rules, here, table, poses, motion, c1, c2, n1, n2, x1, du, w):
+def _joint_end(checks, rules, here, table, poses, motion, one, two, x1, du, w):
     """End velocity after `press_jointly`, as in `_end_response`."""
     if checks is not None:
-        obj1 = point_velocity(motion, poses, here.step, END, here.end, c1, x1)
-        obj2 = point_velocity(motion, poses, here.step, END, here.end, c2, x1)
-        return _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, w)
+        obj1 = point_velocity(motion, poses, here.step, END, here.end, one.collider, x1)
+        obj2 = point_velocity(motion, poses, here.step, END, here.end, two.collider, x1)
+        return _joint_law(rules, table, one, two, obj1, obj2, w)
     return add(w, du)
 
 
 @inlined
-def press_jointly(rules, here, table, poses, motion, accounts, x0, c1, c2, n1, n2, u, w):
+def press_jointly(rules, here, table, poses, motion, accounts, x0, one, two, u, w):
     """
     Contact with two colliders at once, for a particle that passes one by one leave approaching.
 
@@ -414,10 +507,10 @@ def press_jointly(rules, here, table, poses, motion, accounts, x0, c1, c2, n1, n
 
     """
     dt = rules.flight.dt
-    obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
-    obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
-    u_after = _joint_law(rules, table, c1, c2, n1, n2, obj1, obj2, u)
-    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, c1, c2, n1, n2,
+    obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
+    obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
+    u_after = _joint_law(rules, table, one, two, obj1, obj2, u)
+    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two,
                          add_scaled(x0, dt, u_after), subtract(u_after, u), w)
     accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
@@ -482,6 +575,29 @@ def _retreat(rules, here, table, poses, motion, attempt, c, x0):
 
 
 @kernel
+def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
+    """
+    Whether no collider is hit on the way, with `sweep`; else the way does not matter.
+
+    The way from one point of a round surface to the next is a chord inside it: leaving from a
+    surface to the same side of it is clear.
+    """
+    if sweep is not None:
+        dx = subtract(x1, x0)
+        for k in range(table.shape[0]):
+            if starts_inside(rules, here, table, poses, k, x0) > 0.0:
+                continue
+            tau, n, arm, _ = first_hit(rules.present, table, poses, motion, here.step, here.start,
+                                       k, here.radius, x0, dx)
+            n_end = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+            slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
+            obj = path_velocity(motion, here.step, k, arm, 1.0)
+            if tau <= 1.0 and not slides and approach(dx, obj, n) < 0.0:
+                return False
+    return True
+
+
+@kernel
 def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
     """
     Place a particle that cannot be pushed out, with the velocity of a collider.
@@ -499,7 +615,8 @@ def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
         carrier = (c + max(attempt - 1, 0)) % table.shape[0]
         place = _retreat(rules, here, table, poses, motion, attempt, carrier, x0)
         place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
-        if inside == NONE:
+        if inside == NONE and is_path_clear(rules.sweep, rules, here, table, poses, motion, x0,
+                                            place):
             return place, point_velocity(motion, poses, here.step, END, here.end, carrier, place)
     note_unplaced(here, accounts, notes, c, other)
     place = _retreat(rules, here, table, poses, motion, 1, c, x0)
@@ -536,35 +653,32 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
 
     """
     u, w = fly(rules.flight, v0)
-    hits, passes, before, other, lawful = 0, 0, NONE, NONE, False
-    n1, n2 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    hits, passes, lawful = 0, 0, False
+    last, other = NOTHING, NOTHING
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
         if passes == rules.passes:
             break
-        c, phi, n, v_n, target, obj, hit, inside = survey(
-            rules, here, table, poses, motion, x0, x1, v0, u, passes == 0 and hits < CHECKS)
+        touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
+                               v0, u, passes == 0 and hits < CHECKS)
         if not inside:
             return x1, w
-        if c == NONE or (rules.once and c == before):
+        if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
-        if hit:
-            v0 = collide(rules, here, table, log, accounts, c, phi, n, v_n, obj, x1, v0)
+        if touch.hit:
+            v0 = collide(rules, here, table, log, accounts, touch, v0)
             u, w = fly(rules.flight, v0)
             hits += 1
         else:
-            first = passes == 0 or rules.once
-            u, w = press(rules, here, table, poses, motion, log, accounts, x0, c, n, v_n, target,
-                         obj, u, w, first, hits > 0, lawful)
-            lawful = lawful or target > 0.0
-            if c != before:
-                other, n2 = before, n1
-            passes, before, n1 = passes + 1, c, n
-    if other != NONE and not lawful:
-        u, w = press_jointly(rules, here, table, poses, motion, accounts, x0, before, other,
-                             n1, n2, u, w)
+            u, w = press(rules, here, table, poses, motion, log, accounts, x0, touch, u, w,
+                         passes == 0 or rules.once, hits > 0, lawful)
+            lawful = lawful or touch.target > 0.0
+            other = last if touch.collider != last.collider else other
+            last, passes = touch, passes + 1
+    if other.collider != NONE and not lawful:
+        u, w = press_jointly(rules, here, table, poses, motion, accounts, x0, last, other, u, w)
         x1 = add_scaled(x0, rules.flight.dt, u)
-    x1, c, other = push_out(rules, here, table, poses, motion, x0, x1)
-    if c != NONE:
-        return fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0)
-    return x1, w
+    place, c, beside = push_out(rules, here, table, poses, motion, x0, x1)
+    if c != NONE or not is_path_clear(rules.sweep, rules, here, table, poses, motion, x0, place):
+        return fail_safe(rules, here, table, poses, motion, accounts, notes, max(c, 0), beside, x0)
+    return place, w

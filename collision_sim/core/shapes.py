@@ -199,6 +199,18 @@ def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, siz
 
 
 @inlined
+def arm_distance(present, table, poses, s, c, arm):
+    """Signed distance and normal of `signed_distance`, of a point less the collider's position."""
+    size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
+    distance, normal = local_distance(
+        present.planes, present.spheres, present.boxes, present.capsules, present.cylinders,
+        table[c, KIND], rotate_back(poses, s, c, arm), size)
+    side = table[c, SIDE]
+    world = rotate(poses, s, c, normal)
+    return side * distance, (side * world[0], side * world[1], side * world[2])
+
+
+@inlined
 def signed_distance(present, table, poses, s, c, point):
     """
     Signed distance and normal of a collider in the world frame.
@@ -224,14 +236,7 @@ def signed_distance(present, table, poses, s, c, point):
         Unit, out of the solid.
 
     """
-    local = rotate_back(poses, s, c, subtract(point, origin(poses, s, c)))
-    size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
-    distance, normal = local_distance(
-        present.planes, present.spheres, present.boxes, present.capsules, present.cylinders,
-        table[c, KIND], local, size)
-    side = table[c, SIDE]
-    world = rotate(poses, s, c, normal)
-    return side * distance, (side * world[0], side * world[1], side * world[2])
+    return arm_distance(present, table, poses, s, c, subtract(point, origin(poses, s, c)))
 
 
 @formula

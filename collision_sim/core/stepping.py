@@ -19,9 +19,10 @@ A block stays in the cache for all steps of a call: it is flown, tested and answ
 next block is touched. Blocks do not depend on the number of threads, and neither do results.
 """
 
-from collision_sim.core.blocks import find_touching, fly_block, radius_at
+from collision_sim.core.blocks import find_touching, fly_block, path_lengths, radius_at
 from collision_sim.core.jit import kernel
 from collision_sim.core.response import Here, N_LOGGED, resolve
+from collision_sim.core.trajectory import sweep_margin
 from numba import njit
 import numpy as np
 
@@ -39,8 +40,21 @@ def block_radius(radius, first, last):
 
 
 @kernel
+def _touching(sweep, present, table, poses, motion, step, radius, old, x, y, z, clear, lengths,
+              margins, touching):
+    """Find the particles that may touch something: on their paths with `sweep`, or at the end."""
+    if sweep is not None:
+        for c in range(table.shape[0]):
+            margins[c] = sweep_margin(sweep, motion, step, table, c)
+        paths = lengths[:x.shape[0]]
+        path_lengths(x, y, z, old, radius, paths)
+        return find_touching(present, table, poses, paths, margins, x, y, z, clear, touching)
+    return find_touching(present, table, poses, radius, None, x, y, z, clear, touching)
+
+
+@kernel
 def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, x, v,
-               old, scratch, touching):
+               old, scratch, lengths, margins, touching):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -56,7 +70,8 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
         start, end = min(step, rows), min(step + 1, rows)
         accounts[block, N_LOGGED] = 0
         fly_block(rules.flight, px, py, pz, vx, vy, vz, old, clear)
-        count = find_touching(rules.present, table, poses[end], near, px, py, pz, clear, touching)
+        count = _touching(rules.sweep, rules.present, table, poses[end], motion, step, near, old,
+                          px, py, pz, clear, lengths, margins, touching)
         for k in range(count):
             j = touching[k]
             here = Here(step, start, end, block, first + j, radius_at(near, j))
@@ -94,8 +109,9 @@ def step_blocks(first, stride, rules, steps, table, poses, motion, radius, log, 
         Written.
 
     """
-    old, scratch = np.empty((6, BLOCK)), np.empty(BLOCK)
+    old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
+    margins = np.empty(table.shape[0])
     touching = np.empty(BLOCK + 1, dtype=np.int64)
     for block in range(first, accounts.shape[0], stride):
         step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, x, v,
-                   old, scratch, touching)
+                   old, scratch, lengths, margins, touching)

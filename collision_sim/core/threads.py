@@ -18,15 +18,38 @@ Threads that share the work of one step; the kernels release the interpreter loc
 Plain threads instead of Numba's parallel loops: these abort the process when two threads of a
 program step at once, and their kernels take twice as long to compile. The work comes in more parts
 than threads, and each thread takes the next part when it is done with one: a thread that wakes
-late or shares its core with another program delays a step by a part, not by half of it.
+late or shares its core with another program delays a step by a part, not by half of it. Waking a
+thread takes about 50 us; who waits therefore first watches a counter for a while, offering its core
+to others, before it goes to sleep.
 """
 
 import os
 from queue import SimpleQueue
 from threading import Thread
 
+from numba import config, njit, types
+import numpy as np
+
+LOOKS = 500             # looks at a counter before going to sleep, about half a microsecond each
+
+_sched_yield = types.ExternalFunction('sched_yield', types.int32())
 _helping = SimpleQueue()
 _helpers = []
+_posted = np.zeros(1, dtype=np.int64)   # jobs so far
+
+
+@njit(cache=True, nogil=True)
+def _watch(counter, seen, looks):
+    """Return when a counter is no longer what was seen, or after a number of looks."""
+    for _ in range(looks):
+        if counter[0] != seen:
+            return
+        _sched_yield()
+
+
+if config.DISABLE_JIT:
+    def _watch(counter, seen, looks):   # noqa: F811
+        """Go to sleep at once: plain Python would keep the interpreter lock while it looks."""
 
 
 def share(function, threads, parts, *args):
@@ -49,16 +72,20 @@ def share(function, threads, parts, *args):
     while len(_helpers) < threads - 1:
         _helpers.append(Thread(target=_help, name='collision_sim', daemon=True))
         _helpers[-1].start()
-    left, done = iter(range(parts)), SimpleQueue()
-    job = (left, done, function, parts, args)
+    done, finished = SimpleQueue(), np.zeros(1, dtype=np.int64)
+    work = (iter(range(parts)), function, parts, args)
     for _ in range(1, threads):
-        _helping.put(job)
-    errors = [_work(*job)] + [done.get() for _ in range(1, threads)]
+        _helping.put((work, done, finished))
+    _posted[0] += 1
+    errors = [_work(*work)]
+    for k in range(1, threads):
+        _watch(finished, k - 1, LOOKS)
+        errors.append(done.get())
     for error in filter(None, errors):
         raise error
 
 
-def _work(left, done, function, parts, args):
+def _work(left, function, parts, args):
     """Do parts until none is left; the error that ended that, if there was one."""
     try:
         for k in left:
@@ -70,9 +97,13 @@ def _work(left, done, function, parts, args):
 
 def _help():
     while True:
-        job = _helping.get()
-        job[1].put(_work(*job))
-        del job         # arrays are not kept alive until the next one
+        seen = _posted[0]
+        if _helping.empty():
+            _watch(_posted, seen, LOOKS)
+        work, done, finished = _helping.get()
+        done.put(_work(*work))
+        finished[0] += 1
+        del work, done, finished        # arrays are not kept alive until the next job
 
 
 def _forget_helpers():
