@@ -29,7 +29,7 @@ from collision_sim.core.response import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_C
                                          N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.rotation import quaternion
 from collision_sim.core.shapes import distances
-from collision_sim.core.stepping import BLOCK, MOST_PARTS, PART, step_blocks
+from collision_sim.core.stepping import BLOCK, FEW, step_blocks
 from collision_sim.core.threads import share
 from collision_sim.tables import collider_table, frames, pose_rows, scripts, step_rules
 import numba
@@ -316,12 +316,8 @@ class Simulation:
                 else None
         args = (self._rules, steps, self._table, self._poses, self._motion, self._radius,
                 self._log, self._accounts, self._notes, self._x, self._v)
-        parts = min(len(self._accounts) // PART, MOST_PARTS)
-        threads = (self._threads or numba.get_num_threads()) if parts > 1 else 1
-        if threads > 1:
-            share(step_blocks, threads, parts, *args)
-        else:
-            step_blocks(0, 1, *args)
+        many = len(self._accounts) > FEW
+        share(step_blocks, (self._threads or numba.get_num_threads()) if many else 1, *args)
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -22,13 +22,14 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 from collision_sim.core.blocks import find_touching, fly_block, path_lengths, radius_at
 from collision_sim.core.jit import kernel
 from collision_sim.core.response import Here, N_LOGGED, resolve
+from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.trajectory import sweep_margin
 from numba import njit
 import numpy as np
 
 BLOCK = 512             # particles; their scratch fits the first-level cache
-PART = 12               # blocks in a part of the work of a step, at least
-MOST_PARTS = 64
+PIECE = 4               # blocks that a thread claims at once
+FEW = 12                # blocks; for fewer a second thread costs more than it brings
 
 
 @kernel
@@ -82,15 +83,15 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def step_blocks(first, stride, rules, steps, table, poses, motion, radius, log, accounts, notes,
+def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, log, accounts, notes,
                 x, v):
     """
-    Take every `stride`-th block from `first` on through the steps of a call, in place.
+    Take blocks of particles through the steps of a call, in place, until none is left.
 
     Parameters
     ----------
-    first, stride : int
-        The blocks to take.
+    posted, counters : (1,), (SHARED,) int64
+        Of threads.share; by them threads divide the blocks.
     rules : response.Rules
         What a step does.
     steps : int
@@ -112,6 +113,12 @@ def step_blocks(first, stride, rules, steps, table, poses, motion, radius, log, 
     old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
     margins = np.empty(table.shape[0])
     touching = np.empty(BLOCK + 1, dtype=np.int64)
-    for block in range(first, accounts.shape[0], stride):
-        step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, x, v,
-                   old, scratch, lengths, margins, touching)
+    fetch_add(posted, 0, 1)
+    fetch_add(counters, ENTERED, 1)
+    first = PIECE * fetch_add(counters, CLAIMED, 1)
+    while first < accounts.shape[0]:
+        for block in range(first, min(first + PIECE, accounts.shape[0])):
+            step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes,
+                       x, v, old, scratch, lengths, margins, touching)
+        first = PIECE * fetch_add(counters, CLAIMED, 1)
+    fetch_add(counters, LEFT, 1)

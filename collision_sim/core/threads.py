@@ -13,103 +13,124 @@
 # limitations under the License.
 
 """
-Threads that share the work of one step; the kernels release the interpreter lock.
+Threads that share the blocks of a step; the kernels release the interpreter lock.
 
 Plain threads instead of Numba's parallel loops: these abort the process when two threads of a
-program step at once, and their kernels take twice as long to compile. The work comes in more parts
-than threads, and each thread takes the next part when it is done with one: a thread that wakes
-late or shares its core with another program delays a step by a part, not by half of it. Waking a
-thread takes about 50 us; who waits therefore first watches a counter for a while, offering its core
-to others, before it goes to sleep.
+program step at once, and their kernels take twice as long to compile. Threads claim work from an
+atomic counter inside the kernel, so that one that starts late or shares its core with another
+program holds nobody up. Waking a thread takes about 50 us; who waits therefore first watches a
+counter for a while, offering its core to others, before it goes to sleep.
 """
 
 import os
 from queue import SimpleQueue
 from threading import Thread
+import time
+import traceback
 
 from numba import config, njit, types
+from numba.core import cgutils
+from numba.core.imputils import impl_ret_untracked
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 import numpy as np
 
-LOOKS = 500             # looks at a counter before going to sleep, about half a microsecond each
+LOOKS = 400             # looks at a counter before going to sleep, about half a microsecond each
+NAP = 5e-5              # s
+CLAIMED, ENTERED, LEFT, FAILED, SHARED = range(5)   # columns of the counters of a shared job
 
 _sched_yield = types.ExternalFunction('sched_yield', types.int32())
-_helping = SimpleQueue()
+_posted = np.zeros(1, dtype=np.int64)               # changes when there is work
+_jobs = SimpleQueue()
 _helpers = []
-_posted = np.zeros(1, dtype=np.int64)   # jobs so far
 
 
-@njit(cache=True, nogil=True)
-def _watch(counter, seen, looks):
-    """Return when a counter is no longer what was seen, or after a number of looks."""
+@intrinsic
+def fetch_add(typing_context, array, index, amount):
+    """Add to an entry of an int64 array and give its value before, as one atomic operation."""
+    def generate(context, builder, signature, arguments):
+        entries = make_array(signature.args[0])(context, builder, arguments[0])
+        place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
+                                         [arguments[1]], wraparound=False)
+        before = builder.atomic_rmw('add', place, arguments[2], 'seq_cst')
+        return impl_ret_untracked(context, builder, signature.return_type, before)
+    return types.int64(array, types.intp, types.int64), generate
+
+
+if config.DISABLE_JIT:
+    def fetch_add(array, index, amount):    # noqa: F811
+        """Add to an entry of an array and give its value before; there is one thread then."""
+        array[index] += amount
+        return array[index] - amount
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _watch_for_work(posted, seen, looks):
+    """Return when there may be work, or after a number of looks."""
     for _ in range(looks):
-        if counter[0] != seen:
+        if fetch_add(posted, 0, 0) != seen:
             return
         _sched_yield()
 
 
-if config.DISABLE_JIT:
-    def _watch(counter, seen, looks):   # noqa: F811
-        """Go to sleep at once: plain Python would keep the interpreter lock while it looks."""
+@njit(cache=True, nogil=True, error_model='numpy')
+def _watch_the_last(counters, looks):
+    """Whether all that have entered a job have left it, after at most a number of looks."""
+    for _ in range(looks):
+        if fetch_add(counters, LEFT, 0) == fetch_add(counters, ENTERED, 0):
+            return True
+        _sched_yield()
+    return False
 
 
-def share(function, threads, parts, *args):
+def share(function, threads, *args):
     """
-    Call function(k, parts, *args) for k = 0 … parts - 1 on this thread and on helpers.
+    Call function(posted, counters, *args) on this thread and, at the same time, on helpers.
 
     Parameters
     ----------
     function : callable
-        Releases the interpreter lock while it works.
+        Releases the interpreter lock and then does: fetch_add(posted, 0, 1), which calls the
+        helpers; fetch_add(counters, ENTERED, 1); its share of the work, which it claims with
+        fetch_add(counters, CLAIMED, 1) piece by piece; fetch_add(counters, LEFT, 1).
     threads : int
         Most threads to work on it.
-    parts : int
-        Calls to make.
     *args
         Passed on.
 
     """
-    threads = min(threads, parts)
+    counters = np.zeros(SHARED, dtype=np.int64)
+    if config.DISABLE_JIT:
+        threads = 1
     while len(_helpers) < threads - 1:
         _helpers.append(Thread(target=_help, name='collision_sim', daemon=True))
         _helpers[-1].start()
-    done, finished = SimpleQueue(), np.zeros(1, dtype=np.int64)
-    work = (iter(range(parts)), function, parts, args)
     for _ in range(1, threads):
-        _helping.put((work, done, finished))
-    _posted[0] += 1
-    errors = [_work(*work)]
-    for k in range(1, threads):
-        _watch(finished, k - 1, LOOKS)
-        errors.append(done.get())
-    for error in filter(None, errors):
-        raise error
-
-
-def _work(left, function, parts, args):
-    """Do parts until none is left; the error that ended that, if there was one."""
-    try:
-        for k in left:
-            function(k, parts, *args)
-    except BaseException as error:  # raised by the thread that waits for all
-        return error
-    return None
+        _jobs.put((function, counters, args))
+    function(_posted, counters, *args)
+    while threads > 1 and not _watch_the_last(counters, LOOKS):
+        if counters[FAILED]:
+            raise RuntimeError('a helper thread failed; its traceback is above')
+        time.sleep(NAP)
 
 
 def _help():
     while True:
-        seen = _posted[0]
-        if _helping.empty():
-            _watch(_posted, seen, LOOKS)
-        work, done, finished = _helping.get()
-        done.put(_work(*work))
-        finished[0] += 1
-        del work, done, finished        # arrays are not kept alive until the next job
+        if _jobs.empty():
+            _watch_for_work(_posted, _posted[0], LOOKS)
+        function, counters, args = _jobs.get()
+        try:
+            function(_posted, counters, *args)
+        except BaseException:
+            counters[FAILED] = 1
+            traceback.print_exc()
+        del function, counters, args    # arrays are not kept alive until the next job
 
 
 def _forget_helpers():
     """After a fork the child has none of the threads of its parent."""
-    global _helping
-    _helping = SimpleQueue()
+    global _jobs
+    _jobs = SimpleQueue()
     _helpers.clear()
 
 
