@@ -25,9 +25,9 @@ from typing import NamedTuple, Optional
 from collision_sim.checks import SceneError
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
                                        MOTION, POSE, script_poses, START, TWIST)
-from collision_sim.core.response import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
-                                         N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.rotation import quaternion
+from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
+                                      N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
 from collision_sim.core.threads import share
@@ -54,7 +54,7 @@ class Contacts(NamedTuple):
     impulse : (M, 3) float64 [N s]
         On the particle, over the step, friction included.
     state : (M,) int64
-        COLLISION, SLIDE, STICK or REPULSION of core.response.
+        COLLISION, SLIDE, STICK or REPULSION of core.rules.
 
     """
 

@@ -22,8 +22,8 @@ A row for each collider: shape and laws (shapes.py), pose at the start, script o
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
 from collision_sim.core.motion import POSE, SCRIPT
-from collision_sim.core.response import Rules
 from collision_sim.core.rotation import rotation_matrix
+from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES
 import numpy as np
 
@@ -47,7 +47,7 @@ def _used(flags):
 
 
 def step_rules(scene, table):
-    """Say what a step does in this scene, as response.Rules."""
+    """Say what a step does in this scene, as rules.Rules."""
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
     present = Present(*(_used(table[:, KIND] == kind) for kind in SHAPES.values()))

@@ -19,7 +19,7 @@ from math import cos, sin
 from collision_sim.core import response
 from collision_sim.core.flight import Flight
 from collision_sim.core.laws import EXPONENTIAL
-from collision_sim.core.response import COLLISION, REPULSION, Rules, SLIDE, STICK
+from collision_sim.core.rules import COLLISION, MOST_CONTACTS, REPULSION, Rules, SLIDE, STICK
 from collision_sim.core.shapes import COLUMNS, KINETIC, Present, STATIC, WET, WET_FORM
 from hypothesis import given, strategies as st
 from numba import njit
@@ -212,9 +212,9 @@ def test_at_most_four_contacts_of_a_particle():
     sim = simulate(funnel, (0.001, 0.0005, 0.0), stepping={'iterations': 100})
     for _ in range(20):
         sim.step()
-        assert len(sim.contacts.particle) <= response.MOST_CONTACTS
-    assert len(sim.contacts.particle) == response.MOST_CONTACTS
-    assert sim.counters['contacts'] > 20 * response.MOST_CONTACTS
+        assert len(sim.contacts.particle) <= MOST_CONTACTS
+    assert len(sim.contacts.particle) == MOST_CONTACTS
+    assert sim.counters['contacts'] > 20 * MOST_CONTACTS
 
 
 @every_method

@@ -21,7 +21,8 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 
 from collision_sim.core.blocks import find_touching, fly_block, path_lengths, radius_at
 from collision_sim.core.jit import kernel
-from collision_sim.core.response import Here, N_LOGGED, resolve
+from collision_sim.core.response import resolve
+from collision_sim.core.rules import Here, N_LOGGED
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.trajectory import sweep_margin
 from numba import njit
@@ -92,7 +93,7 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
     ----------
     posted, counters : (1,), (SHARED,) int64
         Of threads.share; by them threads divide the blocks.
-    rules : response.Rules
+    rules : rules.Rules
         What a step does.
     steps : int
         Not negative.

@@ -79,8 +79,10 @@ def path_distance(present, table, poses, row, c, radius, arm, move, axis, angle,
 
     Parameters
     ----------
+    present, table, poses, row, c, radius
+        As in `first_hit`.
     arm : (3,) tuple of float [m]
-        Particle less position of the collider at the start; row is that of its pose there.
+        Particle less position of the collider at the start of the step.
     move, axis, angle
         As from `relative_motion`.
     tau : float [-]

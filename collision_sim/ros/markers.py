@@ -19,7 +19,7 @@ Every marker has a stable namespace and id, so that a new message replaces the o
 that is not finite goes into a marker, because RViz drops the whole of it for that.
 """
 
-from collision_sim.core.response import COLLISION, REPULSION, SLIDE, STICK
+from collision_sim.core.rules import COLLISION, REPULSION, SLIDE, STICK
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 import numpy as np
 from std_msgs.msg import ColorRGBA

@@ -20,7 +20,7 @@ Run as `python -m collision_sim.studies.picture resource/demo.png`; needs matplo
 
 import sys
 
-from collision_sim.core.response import COLLISION
+from collision_sim.core.rules import COLLISION
 from collision_sim.scene import Scene
 from collision_sim.simulation import Simulation
 import numpy as np

@@ -1,0 +1,231 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which collider a particle has to answer next: by where the step ends, or by the path it takes.
+
+A particle starts the step at x0 with velocity v0, moves with the mean velocity u to x1 and is
+tested against the poses at the END of the step (`survey`) or against all poses on the way
+(`survey_path`). What was only reached by rounding does not count.
+"""
+
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.laws import repulsion
+from collision_sim.core.motion import chord_velocity, point_velocity, START
+from collision_sim.core.rules import N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE, Touch
+from collision_sim.core.shapes import signed_distance, SIZE
+from collision_sim.core.trajectory import first_hit, NEVER, path_velocity
+from collision_sim.core.vectors import add_scaled, dot, largest, origin, subtract
+
+
+@kernel
+def distance(rules, here, table, poses, row, c, point):
+    """Signed distance [m] of the particle to a collider, with a row of poses."""
+    return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
+
+
+@inlined
+def rounding_depth(here, table, poses, c, x0):
+    """Distance [m] to a collider at the start of the step that is only rounding."""
+    return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])
+
+
+@inlined
+def starts_inside(rules, here, table, poses, c, x0):
+    """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
+    depth = -distance(rules, here, table, poses, here.start, c, x0)
+    return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
+
+
+@kernel
+def deepest(rules, here, table, poses, x0, x1):
+    """
+    Collider in which the particle ends deepest, of those it started outside of.
+
+    Parameters
+    ----------
+    rules, here, table, poses
+        As in `resolve`.
+    x0, x1 : (3,) tuple of float [m]
+        Start and end of the step.
+
+    Returns
+    -------
+    c : int
+        NONE if it ends outside all; equally deep: the first.
+    phi : float [m]
+        Signed distance, negative.
+    n : (3,) tuple of float [-]
+
+    """
+    c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
+    for k in range(table.shape[0]):
+        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
+            c, phi = k, phi_k
+            n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+    return c, phi, n
+
+
+@inlined
+def approach(v, obj, n):
+    """Give the normal velocity [m/s] if it approaches by more than rounding, else 0."""
+    v_n = dot(subtract(v, obj), n)
+    return v_n if v_n < -ROUNDING * (largest(v) + largest(obj)) else 0.0
+
+
+@inlined
+def start_approach(checks, here, poses, motion, k, n, x0, v0):
+    """Give normal and material velocity of a collision on v0; 0 without that stage."""
+    if checks is not None:
+        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+        return approach(v0, obj, n), obj
+    return 0.0, (0.0, 0.0, 0.0)
+
+
+@inlined
+def path_approach(checks, v0, obj, n):
+    """Give the normal velocity of a collision on v0; 0 without that stage."""
+    if checks is not None:
+        return approach(v0, obj, n)
+    return 0.0
+
+
+@inlined
+def mean_approach(rules, depth, n, obj, u):
+    """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
+    if depth > 0.0:
+        target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
+        return dot(subtract(u, obj), n), target
+    return approach(u, obj, n), 0.0
+
+
+@inlined
+def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
+    """
+    Find the collider to act on next, of those that the particle ends inside of: the deepest.
+
+    `collides` says whether the collision stage is still on. A collider approached with v0 then
+    comes before those that are only approached with u, or not left fast enough.
+
+    Returns
+    -------
+    touch : Touch
+    inside : bool
+        Whether the particle ends inside any collider.
+
+    """
+    touch, phi, inside, dt = NOTHING, 0.0, False, rules.flight.dt
+    for k in range(table.shape[0]):
+        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        if phi_k >= 0.0:
+            continue
+        inside = True
+        n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+        depth = starts_inside(rules, here, table, poses, k, x0)
+        if collides and depth == 0.0 and (phi_k < phi or not touch.hit):
+            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
+            if v_n < 0.0:
+                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True), phi_k
+        if not touch.hit and phi_k < phi:
+            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+            v_n, target = mean_approach(rules, depth, n, obj, u)
+            if v_n < target:
+                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False), phi_k
+    return touch, inside
+
+
+@inlined
+def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1):
+    """
+    Time, normal and arm of the impact with a collider on the path of the step.
+
+    Where the particle touches at the start, and ends inside on the same side, the normal is that
+    at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
+    gain energy. A collider that it started inside of counts as hit at the start if it ends inside.
+    """
+    end, n_end = signed_distance(rules.present, table, poses, here.end, k, x1)
+    arm = subtract(x0, origin(poses, here.start, k))
+    if depth > 0.0:
+        return (0.0 if end < here.radius else NEVER), n_end, arm
+    tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
+                                     here.radius, x0, subtract(x1, x0))
+    accounts[here.block, N_UNDECIDED] += not decided
+    if tau == 0.0 and end < here.radius and dot(n, n_end) > SAME_SIDE:
+        n = n_end
+    return tau, n, arm
+
+
+@inlined
+def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+    """
+    Find the collider to act on next, of those that the particle hits on its path: the earliest.
+
+    As `survey`, with the normal at the hit; the material velocity there where the particle hits on
+    its way, that of `survey` where it touches from the start.
+    """
+    touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
+    for k in range(table.shape[0]):
+        depth = starts_inside(rules, here, table, poses, k, x0)
+        tau, n, arm = _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1)
+        if tau > 1.0:
+            continue
+        inside = True
+        point = add_scaled(x0, tau, subtract(x1, x0))
+        there = path_velocity(motion, here.step, k, arm, dt)
+        if collides and depth == 0.0 and (tau < first or not touch.hit):
+            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
+            if tau > 0.0:
+                v_n, obj = path_approach(rules.checks, v0, there, n), there
+            if v_n < 0.0:
+                touch, first = Touch(k, n, obj, point, v_n, 0.0, True), tau
+        if not touch.hit and tau < first:
+            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+            v_n, target = mean_approach(rules, depth, n, obj, u)
+            if v_n >= target and depth == 0.0:
+                v_n, obj = approach(u, there, n), there
+            if v_n < target:
+                touch, first = Touch(k, n, obj, point, v_n, target, False), tau
+    return touch, inside
+
+
+@inlined
+def detect(sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+    """Find the next collider to act on: along the path with `sweep`, else at the end."""
+    if sweep is not None:
+        return survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides)
+    return survey(rules, here, table, poses, motion, x0, x1, v0, u, collides)
+
+
+@kernel
+def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
+    """
+    Whether no collider is hit on the way, with `sweep`; else the way does not matter.
+
+    The way from one point of a round surface to the next is a chord inside it: leaving from a
+    surface to the same side of it is clear.
+    """
+    if sweep is not None:
+        dx = subtract(x1, x0)
+        for k in range(table.shape[0]):
+            if starts_inside(rules, here, table, poses, k, x0) > 0.0:
+                continue
+            tau, n, arm, _ = first_hit(rules.present, table, poses, motion, here.step, here.start,
+                                       k, here.radius, x0, dx)
+            n_end = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+            slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
+            obj = path_velocity(motion, here.step, k, arm, 1.0)
+            if tau <= 1.0 and not slides and approach(dx, obj, n) < 0.0:
+                return False
+    return True

@@ -1,0 +1,120 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where a particle goes that is still inside a collider after its velocities have been answered.
+
+It is pushed to the surfaces, which is a move and no impulse; the fail-safe is for what no push
+gets out.
+"""
+
+from collision_sim.core.detection import deepest, is_path_clear
+from collision_sim.core.jit import kernel
+from collision_sim.core.motion import chord_velocity, END, point_velocity
+from collision_sim.core.rules import N_FAIL_SAFE, N_UNPLACED, NONE, NOTES, PARALLEL, PUSHES
+from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, origin, subtract
+
+
+@kernel
+def _free_part(n, a, b):
+    """Give the part of normal n along the surfaces with normals a and b; zero: no such surface."""
+    t = add_scaled(n, -dot(n, a), a)
+    b = add_scaled(b, -dot(b, a), a)
+    size = dot(b, b)
+    if size > PARALLEL:
+        t = add_scaled(t, -dot(t, b) / size, b)
+    return t if dot(t, n) > PARALLEL else n
+
+
+@kernel
+def push_out(rules, here, table, poses, motion, x0, place):
+    """
+    Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
+
+    A push goes along the surfaces of the two colliders before it, so that a particle in a groove
+    or a corner gets out in two or three pushes, however acute that is. Pushing ends where it leads
+    further than the particle and the collider came.
+
+    Returns
+    -------
+    place : (3,) tuple of float [m]
+    c, other : int
+        The last two colliders it was inside of; c is NONE where it is now outside all.
+
+    """
+    zero = (0.0, 0.0, 0.0)
+    c1, c2, n1, n2, candidate = NONE, NONE, zero, zero, place
+    for k in range(PUSHES):
+        c, phi, n = deepest(rules, here, table, poses, x0, place)
+        if c == NONE:
+            return place, NONE, NONE
+        a, b = n1, n2
+        if c == c1 or c == c2:
+            a, b = (n2 if c == c1 else n1), zero
+        if c != c1:
+            c2, n2 = c1, n1
+        c1, n1 = c, n
+        t = _free_part(n, a, b)
+        rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
+        place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
+        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+        reach = length(subtract(candidate, x0)) + 2.0 * rules.flight.dt * length(obj)
+        if length(subtract(place, candidate)) > reach + PUSHES * rounding:
+            break
+    return place, c1, c2
+
+
+@kernel
+def _retreat(rules, here, table, poses, motion, attempt, c, x0):
+    """Where the fail-safe tries to place a particle: where it started, then carried by c."""
+    if attempt == 0:
+        return x0
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+    return add_scaled(x0, rules.flight.dt, obj)
+
+
+@kernel
+def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
+    """
+    Place a particle that cannot be pushed out, with the velocity of a collider.
+
+    It goes where it started, or else where one of the colliders would have carried it. Where all
+    of that is inside something too, it rides along with collider c and is noted as unplaced.
+
+    Returns
+    -------
+    x1, w : (3,) tuple of float [m], [m/s]
+
+    """
+    accounts[here.block, N_FAIL_SAFE] += 1
+    for attempt in range(table.shape[0] + 1):
+        carrier = (c + max(attempt - 1, 0)) % table.shape[0]
+        place = _retreat(rules, here, table, poses, motion, attempt, carrier, x0)
+        place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
+        if inside == NONE and is_path_clear(rules.sweep, rules, here, table, poses, motion, x0,
+                                            place):
+            return place, point_velocity(motion, poses, here.step, END, here.end, carrier, place)
+    note_unplaced(here, accounts, notes, c, other)
+    place = _retreat(rules, here, table, poses, motion, 1, c, x0)
+    return place, point_velocity(motion, poses, here.step, END, here.end, c, place)
+
+
+@kernel
+def note_unplaced(here, accounts, notes, c, other):
+    """Count a particle that stays inside a collider, and note which one and what hems it in."""
+    seat = accounts[here.block, N_UNPLACED]
+    if seat < NOTES:
+        notes[here.block, seat, 0], notes[here.block, seat, 1] = here.particle, c
+        notes[here.block, seat, 2] = other
+    accounts[here.block, N_UNPLACED] = seat + 1
