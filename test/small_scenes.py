@@ -81,3 +81,33 @@ def root_mean_square(errors):
 def order(steps, errors):
     """Order of convergence: slope of log(error) over log(dt) by regression."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def swinging_wall(eps):
+    """
+    Particles that fall with 2 m/s on a wall that oscillates with 0.05 m at 1.3 Hz, weightless.
+
+    Returns
+    -------
+    wall : dict
+        The collider.
+    start : (100, 3) float64 [m]
+    after : (100,) float64 [m/s]
+        T23: V - eps (v - V) with the velocity V of the wall at the hit.
+    place : callable
+        Height of each particle [m] at a time [s] after its hit.
+
+    """
+    amplitude, frequency, count = 0.05, 1.3, 100
+    phase = 2.0 * np.pi * frequency
+    start = np.zeros((count, 3))
+    start[:, 2] = 0.5 + 0.2 * np.arange(count) / count
+    hit = np.full(count, 0.2)
+    for _ in range(50):     # Newton: z - 2 t = A sin(w t)
+        gap = start[:, 2] - 2.0 * hit - amplitude * np.sin(phase * hit)
+        hit -= gap / (-2.0 - amplitude * phase * np.cos(phase * hit))
+    speed = amplitude * phase * np.cos(phase * hit)
+    after = speed - eps * (-2.0 - speed)
+    swing = {'axis': [0, 0, 1], 'amplitude': amplitude, 'frequency': frequency}
+    return (plane(motion={'oscillate': swing}), start, after,
+            lambda time: amplitude * np.sin(phase * hit) + after * (time - hit))

@@ -86,16 +86,7 @@ def approach(v, obj, n):
 
 
 @inlined
-def start_approach(checks, here, poses, motion, k, n, x0, v0):
-    """Give normal and material velocity of a collision on v0; 0 without that stage."""
-    if checks is not None:
-        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-        return approach(v0, obj, n), obj
-    return 0.0, (0.0, 0.0, 0.0)
-
-
-@inlined
-def path_approach(checks, v0, obj, n):
+def start_approach(checks, v0, obj, n):
     """Give the normal velocity of a collision on v0; 0 without that stage."""
     if checks is not None:
         return approach(v0, obj, n)
@@ -135,7 +126,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
         n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
         depth = starts_inside(rules, here, table, poses, k, x0)
         if collides and depth == 0.0 and (phi_k < phi or not touch.hit):
-            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
+            obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+            v_n = start_approach(rules.checks, v0, obj, n)
             if v_n < 0.0:
                 touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True), phi_k
         if not touch.hit and phi_k < phi:
@@ -185,9 +177,10 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
         point = add_scaled(x0, tau, subtract(x1, x0))
         there = path_velocity(motion, here.step, k, arm, dt)
         if collides and depth == 0.0 and (tau < first or not touch.hit):
-            v_n, obj = start_approach(rules.checks, here, poses, motion, k, n, x0, v0)
-            if tau > 0.0:
-                v_n, obj = path_approach(rules.checks, v0, there, n), there
+            obj = there
+            if tau == 0.0:
+                obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+            v_n = start_approach(rules.checks, v0, obj, n)
             if v_n < 0.0:
                 touch, first = Touch(k, n, obj, point, v_n, 0.0, True), tau
         if not touch.hit and tau < first:

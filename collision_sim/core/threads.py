@@ -45,23 +45,22 @@ _jobs = SimpleQueue()
 _helpers = []
 
 
-@intrinsic
-def fetch_add(typing_context, array, index, amount):
-    """Add to an entry of an int64 array and give its value before, as one atomic operation."""
-    def generate(context, builder, signature, arguments):
-        entries = make_array(signature.args[0])(context, builder, arguments[0])
-        place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
-                                         [arguments[1]], wraparound=False)
-        before = builder.atomic_rmw('add', place, arguments[2], 'seq_cst')
-        return impl_ret_untracked(context, builder, signature.return_type, before)
-    return types.int64(array, types.intp, types.int64), generate
-
-
 if config.DISABLE_JIT:
-    def fetch_add(array, index, amount):    # noqa: F811
+    def fetch_add(array, index, amount):
         """Add to an entry of an array and give its value before; there is one thread then."""
         array[index] += amount
         return array[index] - amount
+else:
+    @intrinsic
+    def fetch_add(typing_context, array, index, amount):
+        """Add to an entry of an int64 array and give its value before, atomically."""
+        def generate(context, builder, signature, arguments):
+            entries = make_array(signature.args[0])(context, builder, arguments[0])
+            place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
+                                             [arguments[1]], wraparound=False)
+            before = builder.atomic_rmw('add', place, arguments[2], 'seq_cst')
+            return impl_ret_untracked(context, builder, signature.return_type, before)
+        return types.int64(array, types.intp, types.int64), generate
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -29,6 +29,7 @@ from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import declare_scene, declare_values, LiveParameters
 from collision_sim.ros.pose_topics import PoseTopics, SECOND
+from collision_sim.ros.spin import spin
 from collision_sim.ros.start import main
 from collision_sim.scene import load_scene
 from collision_sim.simulation import Simulation
@@ -37,7 +38,6 @@ import numpy as np
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
@@ -267,20 +267,6 @@ def _answer(response, success, message):
     response.success = success
     response.message = message
     return response
-
-
-def spin(node, stopped):
-    """Serve the node until `stopped` is not empty; no request and no message ends it."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while rclpy.ok() and not stopped:
-        try:
-            executor.spin_once(timeout_sec=0.1)
-        except ExternalShutdownException:
-            break
-        except Exception as error:
-            node.get_logger().error('%s: %s' % (type(error).__name__, error),
-                                    throttle_duration_sec=1.0)
 
 
 def run(args, stopped):

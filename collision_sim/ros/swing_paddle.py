@@ -18,11 +18,11 @@ import math
 import signal
 import sys
 
+from collision_sim.ros.spin import spin
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 SECOND = 1_000_000_000  # ns
@@ -73,20 +73,6 @@ class SwingPaddle(Node):
         self._publisher.publish(self._pose)
 
 
-def _spin(node, signals):
-    """Serve the node until a signal; a request that makes rclpy raise must not end it."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while rclpy.ok() and not signals:
-        try:
-            executor.spin_once(timeout_sec=0.2)
-        except ExternalShutdownException:
-            break
-        except Exception as error:
-            if rclpy.ok():
-                node.get_logger().error(f'{type(error).__name__}: {error}')
-
-
 def main(args=None):
     """Run until SIGINT or SIGTERM; the exit status is 1 when a parameter is refused."""
     # rclpy's own handler shuts the context down and then calls this one instead of Python's, whose
@@ -97,7 +83,7 @@ def main(args=None):
     status = 0
     try:
         rclpy.init(args=args)
-        _spin(SwingPaddle(), signals)
+        spin(SwingPaddle(), signals)
     except (ParameterException, ValueError) as error:
         print(f'swing_paddle: {error}', file=sys.stderr)
         status = 1

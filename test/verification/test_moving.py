@@ -24,7 +24,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import (EPSILON, FAR, G, incline, METHODS, order, plane, root_mean_square,
-                          simulate, UPRIGHT)
+                          simulate, swinging_wall, UPRIGHT)
 
 every_method = pytest.mark.parametrize('method', METHODS)
 WEIGHTLESS = (0.0, 0.0, 0.0)
@@ -67,24 +67,15 @@ def test_moving_wall(method, eps, scripted):
 @pytest.mark.jit
 def test_moving_wall_bounce_is_first_order(method):
     """T23: place and velocity after a bounce from a wall that oscillates."""
-    amplitude, frequency, count, eps = 0.05, 1.3, 100, 0.5
-    phase = 2.0 * pi * frequency
-    start = np.zeros((count, 3))
-    start[:, 2] = 0.5 + 0.2 * np.arange(count) / count
-    hit = np.full(count, 0.2)
-    for _ in range(50):     # Newton: z - 2 t = A sin(w t)
-        gap = start[:, 2] - 2.0 * hit - amplitude * np.sin(phase * hit)
-        hit -= gap / (-2.0 - amplitude * phase * np.cos(phase * hit))
-    wall = amplitude * phase * np.cos(phase * hit)
-    after = wall - eps * (-2.0 - wall)
+    eps = 0.5
+    wall, start, after, place = swinging_wall(eps)
     steps, errors, speeds = [0.00507, 0.002511, 0.001253, 0.0006251, 0.0003127], [], []
-    swing = {'axis': [0, 0, 1], 'amplitude': amplitude, 'frequency': frequency}
     for dt in steps:
-        sim = simulate([plane(motion={'oscillate': swing})], start, (0.0, 0.0, -2.0), dt=dt,
+        sim = simulate([wall], start, (0.0, 0.0, -2.0), dt=dt,
                        gravity=WEIGHTLESS, restitution=eps, method=method)
         sim.advance(0.4)
-        exact = amplitude * np.sin(phase * hit) + after * (sim.time - hit)
-        assert sim.counters['collisions'] == count
+        exact = place(sim.time)
+        assert sim.counters['collisions'] == len(start)
         errors.append(root_mean_square(sim.position[:, 2] - exact))
         speeds.append(root_mean_square(sim.velocity[:, 2] - after))
     assert order(steps, errors) == pytest.approx(1.0, abs=0.15)
