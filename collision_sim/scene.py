@@ -35,7 +35,8 @@ import numpy as np
 SCENES = Path(__file__).parent / 'scenes'
 
 # What a scene can ask for. A new method, shape, ... is named here and nowhere else in this file.
-METHODS = ('single_pass', 'multi_pass', 'collision_then_contact')
+METHODS = ('single_pass', 'multi_pass', 'collision_then_contact', 'second_order_contact',
+           'exact')
 DETECTIONS = ('end_of_step', 'trajectory')
 FLIGHTS = ('ballistic', 'symplectic_euler')
 WET_FORMS = ('exponential', 'capped', 'linear')

@@ -18,11 +18,15 @@ What happens in a scene: particles, colliders and time.
 `Simulation.step` owns the order of things; the arithmetic is in `core`.
 """
 
+from dataclasses import replace
 import math
 from numbers import Integral, Real
 from typing import NamedTuple, Optional
 
+from collision_sim.balances import Books
 from collision_sim.checks import SceneError
+from collision_sim.core.courses import fill_courses
+from collision_sim.core.exact import step_events
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
                                        MOTION, POSE, script_poses, START, TWIST)
 from collision_sim.core.rotation import quaternion
@@ -31,7 +35,8 @@ from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONT
 from collision_sim.core.shapes import distances
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
 from collision_sim.core.threads import share
-from collision_sim.tables import collider_table, frames, pose_rows, scripts, step_rules
+from collision_sim.tables import (acting_forces, collider_table, frames, pose_rows, scripts,
+                                  step_rules)
 import numba
 import numpy as np
 
@@ -94,6 +99,8 @@ class Simulation:
         Whether to record the contacts of each step.
     threads : int or None
         Most threads to use; None: as many as Numba would. Results do not depend on it.
+    ledger : bool
+        Whether to keep the accounts of energy and momentum (`ledger`).
 
     Attributes
     ----------
@@ -104,7 +111,7 @@ class Simulation:
 
     """
 
-    def __init__(self, scene, contacts=True, threads=None):
+    def __init__(self, scene, contacts=True, threads=None, ledger=False):
         self.record_contacts = bool(contacts)
         self._threads = threads
         self._indices = {collider.name: k for k, collider in enumerate(scene.colliders)}
@@ -116,6 +123,9 @@ class Simulation:
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
         self._log = None
+        if ledger and scene.stepping.method == 'exact':
+            raise SceneError('ledger', ledger, 'must be off with the method exact')
+        self._books = Books(blocks, len(scene.colliders)) if ledger else None
         radius = np.asarray(scene.particles.radius, dtype=np.float64)
         self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
             if np.any(radius) else None
@@ -126,22 +136,25 @@ class Simulation:
         """Take a scene whose values may differ from those of the scene before."""
         self._table = collider_table(scene)
         self._rules = step_rules(scene, self._table)
+        self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self.scene = scene
 
     def reset(self):
         """Go back to the start: particles, colliders, time and counters; parameters stay."""
         self._x[:] = self.scene.particles.position.T
         self._v[:] = self.scene.particles.velocity.T
-        self._count = 0
+        self._since, self._count = 0.0, 0
         self._accounts[:] = 0
         self._base = np.array([
             pose_rows(frame, [collider.position], [collider.orientation])
             for frame, collider in zip(self._frames, self.scene.colliders)]).reshape(-1, POSE)
         self._poses = self._base[None].copy()
-        self._motion = None
+        self._motion = self._courses = None
         self._tracks = {}
         self._chords = {}
         self._given = {}
+        if self._books:
+            self._books.clear()
         self._moves = any(collider.moving for collider in self.scene.colliders)
 
     # ------------------------------------------------------------------ state
@@ -149,7 +162,7 @@ class Simulation:
     @property
     def time(self):
         """Time since the start [s]."""
-        return self._count * self.dt
+        return self._since + self._count * self.dt
 
     @property
     def dt(self):
@@ -171,6 +184,15 @@ class Simulation:
         """Events since the start or the last reset, as a dict of int."""
         totals = self._accounts[:, :len(COUNTERS)].sum(axis=0)
         return dict(zip(COUNTERS, totals.tolist()))
+
+    @property
+    def ledger(self):
+        """
+        Where energy and momentum came from and went to, as balances.Balances; None if not asked.
+
+        Of the last call of `step`, and since the start or the last reset.
+        """
+        return self._books.balances() if self._books else None
 
     @property
     def unplaced(self):
@@ -243,15 +265,22 @@ class Simulation:
         """
         if not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
             raise SceneError('step', n, 'must be a whole number that is not negative')
+        if self._books:
+            self._books.begin(self._x, self._v)
         while n > 0 and self.dt > 0.0:
-            steps = self._move_colliders(n)
-            self._move_particles(steps)
+            steps = self._move_colliders(n, self.dt)
+            self._move_particles(steps, self.dt, self._rules)
             self._count += steps
             n -= steps
+        if self._books:
+            self._books.end(self.scene, self._x, self._v)
 
     def advance(self, duration):
         """
-        Take the whole number of steps that is nearest to a duration.
+        Go on for a duration.
+
+        The exact method lands on the time itself, by a shorter step at the end; the others take
+        the nearest whole number of steps.
 
         Parameters
         ----------
@@ -261,15 +290,35 @@ class Simulation:
         Returns
         -------
         steps : int
+            How many, a shorter one included.
 
         """
         if not (isinstance(duration, Real) and 0.0 <= duration < math.inf):
             raise SceneError('advance', duration, 'must be a finite number that is not negative')
         steps = round(duration / self.dt) if self.dt > 0.0 else 0
+        rest = duration - steps * self.dt
+        if self._forces is None or self.dt == 0.0 or abs(rest) <= self._blur():
+            self.step(steps)
+            return steps
+        if rest < 0.0:
+            steps, rest = steps - 1, rest + self.dt
         self.step(steps)
-        return steps
+        self._step_by(rest)
+        return steps + 1
 
-    def _move_colliders(self, most):
+    def _blur(self):
+        """Rounding of the time now [s]."""
+        return 8.0 * np.spacing(self.time + self.dt)
+
+    def _step_by(self, duration):
+        """Take a step of another length than dt."""
+        stepping = replace(self.scene.stepping, dt=duration)
+        rules = step_rules(replace(self.scene, stepping=stepping), self._table)
+        self._move_colliders(1, duration)
+        self._move_particles(1, duration, rules)
+        self._since, self._count = self.time + duration, 0
+
+    def _move_colliders(self, most, dt):
         """Lay out the poses of the next steps; the number of steps laid out."""
         self._poses = self._poses[-1:]
         if not self._moves:
@@ -278,8 +327,9 @@ class Simulation:
         steps = min([most, STEPS_AT_ONCE, *(len(track.poses) for track in tracks.values())])
         poses = np.repeat(self._poses, steps + 1, axis=0)
         motion = np.zeros((steps, len(self._table), MOTION))
-        script_poses(self._scripted, self._base, self._scripts, self._count, self.dt, poses,
-                     motion, np.empty(TWIST))
+        first = self._count if self._since == 0.0 and dt == self.dt else self.time / dt
+        script_poses(self._scripted, self._base, self._scripts, first, dt, poses, motion,
+                     np.empty(TWIST))
         for k, track in tracks.items():
             poses[1:, k] = track.poses[:steps]
             motion[:, k, START:END] = track.starts[:steps]
@@ -291,6 +341,8 @@ class Simulation:
         self._rest_colliders(tracks, steps)
         fill_turns(poses, motion)
         self._poses, self._motion = poses, motion
+        if self._forces is not None:
+            self._courses = fill_courses(poses, motion, self._scripted, self._scripts, first, dt)
         return steps
 
     def _remember(self, k, track):
@@ -308,16 +360,21 @@ class Simulation:
         for k in self._chords.keys() - tracks.keys():
             self._remember(k, Track(None, None, None, still))
 
-    def _move_particles(self, steps):
+    def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
         if self.record_contacts != (self._log is not None):
             rows = BLOCK * min(len(self._table), MOST_CONTACTS)
             self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
-        args = (self._rules, steps, self._table, self._poses, self._motion, self._radius,
-                self._log, self._accounts, self._notes, self._x, self._v)
-        many = len(self._accounts) > FEW
-        share(step_blocks, (self._threads or numba.get_num_threads()) if many else 1, *args)
+        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v)
+        threads = self._threads or numba.get_num_threads()
+        if self._forces is not None:
+            share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
+                  steps, self._table, self._poses, self._motion, self._courses, *shared)
+        else:
+            share(step_blocks, threads if len(self._accounts) > FEW else 1, rules, steps,
+                  self._table, self._poses, self._motion, *shared,
+                  self._books.ledger(self.scene) if self._books else None)
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -25,6 +25,8 @@ from collision_sim.core.motion import POSE, SCRIPT
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES
+from collision_sim.core.sustained import BLINK, Forces
+from collision_sim.scene import Drag
 import numpy as np
 
 INSIDE, OUTSIDE = -1.0, 1.0
@@ -55,10 +57,18 @@ def step_rules(scene, table):
     return Rules(
         flight, present, dry=_used(f.static is not None for f in frictions),
         wet=_used(f.wet is not None for f in frictions),
-        sweep=_used([stepping.detection == 'trajectory']),
-        checks=_used([stepping.method == 'collision_then_contact']),
+        sweep=_used([stepping.detection == 'trajectory' or stepping.method == 'exact']),
+        checks=_used([stepping.method not in ('single_pass', 'multi_pass')]),
         passes=max(len(table), 1) if once else stepping.iterations, once=once,
-        share=stepping.repulsion, highest=stepping.repulsion_speed)
+        share=stepping.repulsion, highest=stepping.repulsion_speed,
+        second=_used([stepping.method == 'second_order_contact']))
+
+
+def acting_forces(scene):
+    """Give what acts on a particle in flight, as sustained.Forces."""
+    drag = scene.drag or Drag()
+    return Forces(scene.gravity, drag.wind, drag.linear or None, drag.quadratic or None,
+                  BLINK * scene.stepping.dt)
 
 
 def plane_frame(normal):

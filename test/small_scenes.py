@@ -25,7 +25,8 @@ import numpy as np
 
 G = 9.81
 EPSILON = 2.0 ** -52
-METHODS = ('single_pass', 'multi_pass', 'collision_then_contact')
+METHODS = ('single_pass', 'multi_pass', 'collision_then_contact', 'second_order_contact')
+FIRST_ORDER, STAGED = METHODS[:3], METHODS[2:]      # on curved surfaces; with a collision stage
 FLIGHTS = ('ballistic', 'symplectic_euler')
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 FAR = [{'name': 'far_plane', 'shape': 'plane', 'point': [0, 0, -1e9]},
@@ -39,7 +40,7 @@ FAR = [{'name': 'far_plane', 'shape': 'plane', 'point': [0, 0, -1e9]},
 
 def simulate(colliders, position, velocity=(0.0, 0.0, 0.0), *, gravity=(0.0, 0.0, -G), dt=1 / 240,
              method='collision_then_contact', flight='ballistic', restitution=0.0, friction=None,
-             stepping=None, particles=None, contacts=True, threads=None, **sections):
+             stepping=None, particles=None, contacts=True, threads=None, ledger=False, **sections):
     """Make a simulation of the particles at `position`, (3,) or (N, 3), in a scene."""
     position = np.atleast_2d(np.asarray(position, dtype=float))
     scene = {
@@ -50,7 +51,7 @@ def simulate(colliders, position, velocity=(0.0, 0.0, 0.0), *, gravity=(0.0, 0.0
         'colliders': list(colliders),
         'stepping': {'dt': dt, 'method': method, 'flight': flight, **(stepping or {})},
         **sections}
-    return Simulation(Scene.from_dict(scene), contacts=contacts, threads=threads)
+    return Simulation(Scene.from_dict(scene), contacts=contacts, threads=threads, ledger=ledger)
 
 
 def plane(normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, 0.0), name='ground', **keys):

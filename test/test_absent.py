@@ -34,12 +34,13 @@ GROUND = plane((0.1, 0.0, 1.0))
 BALL = sphere(0.5, (0.3, 0.0, 0.3))
 
 
-def run(method='collision_then_contact', steps=200, contacts=True, particles=None, **sections):
+def run(method='collision_then_contact', steps=200, contacts=True, particles=None, ledger=False,
+        **sections):
     """State and counters of a scene after some steps."""
     scene = {'particles': {'position': POSITION, 'velocity': VELOCITY, **(particles or {})},
              'restitution': 0.5, 'colliders': [GROUND, BALL],
              'stepping': {'method': method}, **sections}
-    sim = Simulation(Scene.from_dict(scene), contacts=contacts)
+    sim = Simulation(Scene.from_dict(scene), contacts=contacts, ledger=ledger)
     sim.step(steps)
     return sim
 
@@ -139,6 +140,14 @@ def test_points(method):
     assert not np.array_equal(mixed.position[17], points.position[17])
     others = np.arange(COUNT) != 17
     assert mixed.position[others].tobytes() == points.position[others].tobytes()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_ledger(method):
+    """The ledger looks on: with it and without it the same, to the last bit."""
+    motion = {'angular_velocity': [0.0, 0.5, 1.0]}
+    sections = {'friction': {'dry': 0.3}, 'colliders': [GROUND, {**BALL, 'motion': motion}]}
+    assert_same(run(method, **sections), run(method, ledger=True, **sections))
 
 
 def test_mass():

@@ -23,10 +23,12 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, point_velocity, START
-from collision_sim.core.rules import N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE, Touch
+from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
+                                      STRAIGHT, Touch)
 from collision_sim.core.shapes import signed_distance, SIZE
 from collision_sim.core.trajectory import first_hit, NEVER, path_velocity
-from collision_sim.core.vectors import add_scaled, dot, largest, origin, subtract
+from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
+                                        subtract)
 
 
 @kernel
@@ -86,10 +88,26 @@ def approach(v, obj, n):
 
 
 @inlined
-def start_approach(checks, v0, obj, n):
+def _rounding_speed(second, here, table, poses, c, x0, v0, u, obj):
+    """
+    Give the normal velocity [m/s] at the start that is only rounding, with second order.
+
+    It is left over from larger velocities, and from a normal that is rounded where a small shape
+    is far from the origin; a particle that slides there would else collide in every step.
+    """
+    if second is not None:
+        size = table[c, SIZE]
+        blur = rounding_depth(here, table, poses, c, x0) / size if size > 0.0 else 0.0
+        return (ROUNDING + blur) * (largest(v0) + largest(u) + largest(obj))
+    return 0.0
+
+
+@inlined
+def start_approach(checks, v0, obj, n, rounding):
     """Give the normal velocity of a collision on v0; 0 without that stage."""
     if checks is not None:
-        return approach(v0, obj, n)
+        v_n = approach(v0, obj, n)
+        return v_n if v_n < -rounding else 0.0
     return 0.0
 
 
@@ -100,6 +118,50 @@ def mean_approach(rules, depth, n, obj, u):
         target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
         return dot(subtract(u, obj), n), target
     return approach(u, obj, n), 0.0
+
+
+@inlined
+def contact_normal(second, rules, here, table, poses, c, x0, depth, phi, n):
+    """
+    Give the normal to act along with contacts of second order, where that is known.
+
+    Who starts outside and ends inside on the same side meets the surface in between, where the
+    distance is 0: the normals at both ends are interpolated. Who touches at the start, meets it
+    there.
+
+    Returns
+    -------
+    n : (3,) tuple of float [-]
+    stays, touches : bool
+        Whether n is such a normal, else it is the one given, at the end; and whether the particle
+        touches at the start.
+
+    """
+    if second is not None:
+        if depth == 0.0:
+            gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
+            gap, cosine = gap - here.radius, dot(start, n)
+            if gap <= rounding_depth(here, table, poses, c, x0):
+                return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
+            if phi < 0.0 and cosine > STRAIGHT:
+                between = add_scaled(start, gap / (gap - phi), subtract(n, start))
+                return scaled(1.0 / length(between), between), True, False
+    return n, False, False
+
+
+@inlined
+def _acts(second, rules, here, table, poses, c, x1, phi, stays, v_n, target):
+    """
+    Whether the contact stage has to act: on an approach, or a separation that is too slow.
+
+    A contact of second order is done with once the particle is on the surface, to rounding: the
+    mean velocity along a curved surface approaches it, or leaves it, in between.
+    """
+    if second is not None:
+        if stays:
+            limit = ROUNDING * (largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE])
+            return phi < -(limit if v_n == 0.0 else min(limit, -0.5 * rules.flight.dt * v_n))
+    return v_n < target
 
 
 @inlined
@@ -125,38 +187,53 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
         inside = True
         n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
         depth = starts_inside(rules, here, table, poses, k, x0)
+        n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi_k,
+                                     n)
         if collides and depth == 0.0 and (phi_k < phi or not touch.hit):
             obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-            v_n = start_approach(rules.checks, v0, obj, n)
+            v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
+                rules.second, here, table, poses, k, x0, v0, u, obj))
             if v_n < 0.0:
-                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True), phi_k
+                touch = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True, stays)
+                phi = phi_k
         if not touch.hit and phi_k < phi:
             obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
             v_n, target = mean_approach(rules, depth, n, obj, u)
-            if v_n < target:
-                touch, phi = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False), phi_k
+            if _acts(rules.second, rules, here, table, poses, k, x1, phi_k, stays, v_n, target):
+                touch = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False, stays)
+                phi = phi_k
     return touch, inside
 
 
 @inlined
-def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1):
+def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u):
     """
     Time, normal and arm of the impact with a collider on the path of the step.
+
+    And whether that normal is known for contacts of second order (`contact_normal`), and the
+    distance at the end.
 
     Where the particle touches at the start, and ends inside on the same side, the normal is that
     at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
     gain energy. A collider that it started inside of counts as hit at the start if it ends inside.
     """
     end, n_end = signed_distance(rules.present, table, poses, here.end, k, x1)
-    arm = subtract(x0, origin(poses, here.start, k))
+    arm, phi = subtract(x0, origin(poses, here.start, k)), end - here.radius
     if depth > 0.0:
-        return (0.0 if end < here.radius else NEVER), n_end, arm
+        return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
+    n, stays, touches = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi,
+                                       n_end)
+    if stays and touches:
+        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+        if phi < 0.0 or start_approach(1, v0, obj, n, _rounding_speed(
+                rules.second, here, table, poses, k, x0, v0, u, obj)) == 0.0:
+            return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
                                      here.radius, x0, subtract(x1, x0))
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and end < here.radius and dot(n, n_end) > SAME_SIDE:
         n = n_end
-    return tau, n, arm
+    return tau, n, arm, stays and phi < 0.0, phi
 
 
 @inlined
@@ -170,7 +247,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
     for k in range(table.shape[0]):
         depth = starts_inside(rules, here, table, poses, k, x0)
-        tau, n, arm = _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1)
+        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
+                                          x0, x1, v0, u)
         if tau > 1.0:
             continue
         inside = True
@@ -180,16 +258,17 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
             obj = there
             if tau == 0.0:
                 obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-            v_n = start_approach(rules.checks, v0, obj, n)
+            v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
+                rules.second, here, table, poses, k, x0, v0, u, obj))
             if v_n < 0.0:
-                touch, first = Touch(k, n, obj, point, v_n, 0.0, True), tau
+                touch, first = Touch(k, n, obj, point, v_n, 0.0, True, stays), tau
         if not touch.hit and tau < first:
             obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
             v_n, target = mean_approach(rules, depth, n, obj, u)
-            if v_n >= target and depth == 0.0:
+            if v_n >= target and depth == 0.0 and not stays:
                 v_n, obj = approach(u, there, n), there
-            if v_n < target:
-                touch, first = Touch(k, n, obj, point, v_n, target, False), tau
+            if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
+                touch, first = Touch(k, n, obj, point, v_n, target, False, stays), tau
     return touch, inside
 
 

@@ -19,10 +19,12 @@ The candidate starts at x0 with velocity v0, moves with the mean velocity u to x
 ends with velocity w. Normals are those of the colliders at the END of the step, at x1; velocities
 are relative to the material point of the collider. All methods are made of two stages:
 
-- the collision stage (`collision_then_contact` only): elastic, on v0, the candidate is flown anew;
+- the collision stage (`collision_then_contact` and `second_order_contact`): elastic, on v0, the
+  candidate is flown anew;
 - the contact stage: on u. `single_pass` and `multi_pass` apply restitution here and add the change
   of u to w; `collision_then_contact` is inelastic here and applies the same law to w by itself, so
-  that rest, stick and slide on planes are exact.
+  that rest, stick and slide on planes are exact. `second_order_contact` takes the normals where
+  the surface is met, and answers a contact as second_order.py says.
 
 Then a particle that is still inside is placed outside. Who started inside a collider is repelled
 from it instead. Of several colliders the one in which the particle is deepest acts first.
@@ -30,69 +32,19 @@ from it instead. Of several colliders the one in which the particle is deepest a
 
 from collision_sim.core.detection import approach, detect, distance, is_path_clear, rounding_depth
 from collision_sim.core.flight import fly
+from collision_sim.core.impulses import joint_law, respond, shares
 from collision_sim.core.jit import inlined
-from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, normal_impulse,
-                                     wet_friction_capped, wet_friction_exponential,
-                                     wet_friction_linear)
+from collision_sim.core.laws import normal_impulse
+from collision_sim.core.ledger import (book_collision, book_contact, book_flight, book_joint,
+                                       book_placing, book_shift, lost_in_pass, REPULSED)
 from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity
 from collision_sim.core.placing import fail_safe, push_out
 from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, N_COLLISION,
                                       N_CONTACT, N_LOGGED, N_REPULSION, NONE, NORMAL, NOTHING,
                                       PARALLEL, POINT, REPULSION, SLIDE, STICK)
-from collision_sim.core.shapes import KINETIC, RESTITUTION, STATIC, WET, WET_FORM
-from collision_sim.core.vectors import add, add_scaled, dot, length, subtract
-
-
-@inlined
-def _dry_factor(dry, table, c, speed, dv_n):
-    if dry is not None:
-        if table[c, STATIC] * dv_n > 0.0:
-            return dry_friction(speed, dv_n, table[c, STATIC], table[c, KINETIC])
-    return 1.0
-
-
-@inlined
-def _wet_factor(wet, table, c, dv_n):
-    if wet is not None:
-        if table[c, WET_FORM] == EXPONENTIAL:
-            return wet_friction_exponential(table[c, WET], dv_n)
-        if table[c, WET_FORM] == CAPPED:
-            return wet_friction_capped(table[c, WET], dv_n)
-        return wet_friction_linear(table[c, WET], dv_n)
-    return 1.0
-
-
-@inlined
-def respond(rules, table, c, v, obj, n, v_n, dv_n):
-    """
-    Velocity after a change dv_n along the normal and the friction that it causes.
-
-    Parameters
-    ----------
-    rules, table, c
-        As in `resolve`; which collider.
-    v, obj, n : (3,) tuple of float [m/s], [-]
-        Velocities of the particle and of the material point, and the normal.
-    v_n, dv_n : float [m/s]
-        Normal velocity before, and its change, not negative.
-
-    Returns
-    -------
-    v : (3,) tuple of float [m/s]
-        Where the particle sticks, exactly the velocity of the material point plus (v_n + dv_n) n.
-    stuck : bool
-
-    """
-    relative = subtract(v, obj)
-    tangential = add_scaled(relative, -dot(relative, n), n)
-    factor = (_dry_factor(rules.dry, table, c, length(tangential), dv_n)
-              * _wet_factor(rules.wet, table, c, dv_n))
-    if factor == 0.0:
-        return add_scaled(obj, v_n + dv_n, n), True
-    after = add_scaled(v, dv_n, n)
-    if factor == 1.0:
-        return after, False
-    return add_scaled(after, factor - 1.0, tangential), False
+from collision_sim.core.second_order import to_both_surfaces, to_surface
+from collision_sim.core.shapes import RESTITUTION
+from collision_sim.core.vectors import add, add_scaled, dot, scaled, subtract
 
 
 @inlined
@@ -115,12 +67,13 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
-def collide(rules, here, table, log, accounts, touch, v0):
+def collide(rules, here, table, log, accounts, ledger, touch, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
     c, n = touch.collider, touch.normal
     dv_n = normal_impulse(touch.v_n, table[c, RESTITUTION])
     after, _ = respond(rules, table, c, v0, touch.obj, n, touch.v_n, dv_n)
     record(log, accounts, here, c, COLLISION, touch.point, n, subtract(after, v0))
+    book_collision(ledger, rules, here, table, touch, dv_n, v0, after)
     accounts[here.block, N_COLLISION] += 1
     return after
 
@@ -134,38 +87,62 @@ def _contact_target(checks, restitution, u_n, target, first):
 
 
 @inlined
-def _end_change(motion, rules, here, table, poses, c, x0, w_n, du_n):
+def _end_change(motion, rules, here, table, poses, c, x0, w_n, most):
     """
     Change of normal velocity that ends the approach of w.
 
     Where the velocity of the collider at the end is only estimated and the particle has been in
-    contact from the start, the change is at most that of the constant force that moved it by
-    dt du_n: a support that falls away does not drag it along or push it up.
+    contact from the start, the change is at most `most` [m/s], that of the constant force that
+    moved it in this step: a support that falls away does not drag it along or push it up.
     """
     if motion is not None:
         if motion[here.step, c, ESTIMATED] > 0.0:
             gap = distance(rules, here, table, poses, here.start, c, x0)
             if gap <= rounding_depth(here, table, poses, c, x0):
-                return min(-w_n, 2.0 * du_n)
+                return min(-w_n, most)
     return -w_n
 
 
 @inlined
-def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, w, hit):
+def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, most, w, hit):
     """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
     if checks is not None:
         obj = point_velocity(motion, poses, here.step, END, here.end, c, x1)
         w_n = approach(w, obj, n)
         if w_n < 0.0:
             dw_n = -w_n if hit else _end_change(
-                motion, rules, here, table, poses, c, x0, w_n, dot(du, n))
+                motion, rules, here, table, poses, c, x0, w_n, most)
             return respond(rules, table, c, w, obj, n, w_n, dw_n)[0]
         return w
     return add(w, du)
 
 
 @inlined
-def press(rules, here, table, poses, motion, log, accounts, x0, touch, u, w, first, hit, lawful):
+def _pressed(second, rules, here, table, poses, motion, x0, v0, touch, u, w, target, hit, lawful):
+    """Mean and end velocity, place and normal after a pass, and whether the particle sticks."""
+    c, n, most = touch.collider, touch.normal, 0.0
+    if second is not None:
+        if touch.stays and not lawful:
+            u_after, x1, n, stuck = to_surface(rules, here, table, poses, motion, x0, v0, touch, u)
+            du = subtract(u_after, u)
+            w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du,
+                                    dot(du, touch.normal), add(w, du), hit)
+            return u_after, w_after, x1, n, stuck
+    u_after, stuck = respond(rules, table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
+    x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
+    most = 2.0 * dot(du, n)
+    if lawful or touch.target > 0.0:
+        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, most, w,
+                                True)
+    else:
+        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
+                                most, w, hit)
+    return u_after, w_after, x1, n, stuck
+
+
+@inlined
+def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch, u, w, first,
+          hit, lawful):
     """
     One pass of the contact stage against one collider.
 
@@ -180,52 +157,20 @@ def press(rules, here, table, poses, motion, log, accounts, x0, touch, u, w, fir
         Mean and end velocity after it.
 
     """
-    c, n, repelled = touch.collider, touch.normal, touch.target > 0.0
+    c, repelled = touch.collider, touch.target > 0.0
     target = _contact_target(rules.checks, table[c, RESTITUTION], touch.v_n, touch.target, first)
-    u_after, stuck = respond(rules, table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
-    x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
-    if lawful or repelled:
-        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, w, True)
-    else:
-        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
-                                w, hit)
+    u_after, w_after, x1, n, stuck = _pressed(rules.second, rules, here, table, poses, motion, x0,
+                                              v0, touch, u, w, target, hit, lawful)
     state, counter, point = (STICK if stuck else SLIDE), N_CONTACT, x1
     if target > 0.0:
         state, counter, point = COLLISION, N_COLLISION, touch.point
     if repelled:
         state, counter, point = REPULSION, N_REPULSION, x1
-    record(log, accounts, here, c, state, point, n, subtract(w_after, w))
+    record(log, accounts, here, c, state, point, touch.normal, subtract(w_after, w))
+    book_contact(ledger, rules, here, table, poses, motion, touch, n, x0, u, u_after, w, w_after,
+                 lost_in_pass(rules, table, touch, target))
     accounts[here.block, counter] += 1
     return u_after, w_after
-
-
-@inlined
-def _joint_law(rules, table, one, two, obj1, obj2, v):
-    """
-    Velocity that approaches neither of two colliders, with the friction of both.
-
-    It stays as it is where two closing colliders would squeeze the particle out faster than twice
-    their speed.
-    """
-    n1, n2 = one.normal, two.normal
-    v1, v2, k = dot(subtract(v, obj1), n1), dot(subtract(v, obj2), n2), dot(n1, n2)
-    across = 1.0 - k * k
-    if (v1 >= 0.0 and v2 >= 0.0) or across < PARALLEL:
-        return v
-    a, b = (k * v2 - v1) / across, (k * v1 - v2) / across
-    if b <= 0.0:
-        a, b = max(-v1, 0.0), 0.0
-    elif a <= 0.0:
-        a, b = 0.0, max(-v2, 0.0)
-    after = add_scaled(add_scaled(v, a, n1), b, n2)
-    if length(after) > length(v) + 2.0 * (length(obj1) + length(obj2)):
-        return v
-    for c, obj, dv_n in ((one.collider, obj1, a), (two.collider, obj2, b)):
-        relative = subtract(after, obj)
-        factor = (_dry_factor(rules.dry, table, c, length(relative), dv_n)
-                  * _wet_factor(rules.wet, table, c, dv_n))
-        after = add_scaled(after, factor - 1.0, relative)
-    return after
 
 
 @inlined
@@ -234,12 +179,23 @@ def _joint_end(checks, rules, here, table, poses, motion, one, two, x1, du, w):
     if checks is not None:
         obj1 = point_velocity(motion, poses, here.step, END, here.end, one.collider, x1)
         obj2 = point_velocity(motion, poses, here.step, END, here.end, two.collider, x1)
-        return _joint_law(rules, table, one, two, obj1, obj2, w)
+        return joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
+                         obj2, w)
     return add(w, du)
 
 
 @inlined
-def press_jointly(rules, here, table, poses, motion, accounts, x0, one, two, u, w):
+def are_both_kept(second, one, two):
+    """Whether two colliders are to be answered at once, as contacts of second order."""
+    if second is not None:
+        if one.stays and two.stays and one.collider != two.collider:
+            k = dot(one.normal, two.normal)
+            return 1.0 - k * k >= PARALLEL
+    return False
+
+
+@inlined
+def press_jointly(rules, here, table, poses, motion, accounts, ledger, x0, one, two, u, w):
     """
     Contact with two colliders at once, for a particle that passes one by one leave approaching.
 
@@ -255,15 +211,45 @@ def press_jointly(rules, here, table, poses, motion, accounts, x0, one, two, u, 
     dt = rules.flight.dt
     obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
-    u_after = _joint_law(rules, table, one, two, obj1, obj2, u)
+    u_after = joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
+                        obj2, u)
     w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two,
                          add_scaled(x0, dt, u_after), subtract(u_after, u), w)
+    book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u_after, w, w_after)
     accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
 
 
 @inlined
-def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
+def press_both(second, rules, here, table, poses, motion, log, accounts, ledger, x0, v0, one, two,
+               free, passed):
+    """
+    Contact of second order with two colliders at once, in place of passes against each.
+
+    free, passed: mean and end velocity of the candidate, and after the pass against one of the
+    colliders that has been recorded.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity after it.
+
+    """
+    if second is not None:
+        u, w = to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, *free)
+        point, dw = add_scaled(x0, rules.flight.dt, u), subtract(w, passed[1])
+        dw1 = scaled(shares(one.normal, two.normal, dw)[0], one.normal)
+        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dw1)
+        record(log, accounts, here, two.collider, SLIDE, point, two.normal, subtract(dw, dw1))
+        book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u,
+                   passed[1], w)
+        accounts[here.block, N_CONTACT] += 1
+        return u, w
+    return passed
+
+
+@inlined
+def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None):
     """
     One step of a particle that may touch something.
 
@@ -275,6 +261,8 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
         Tables of shapes.py, motion.py and this module; the last three are written.
     x0, v0 : (3,) tuple of float [m], [m/s]
         State at the start of the step.
+    ledger : ledger.Ledger or None
+        Where the flight is booked already, and all else is; None for no ledger.
 
     Returns
     -------
@@ -282,6 +270,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
 
     """
     u, w = fly(rules.flight, v0)
+    free = u, w
     hits, passes, lawful = 0, 0, False
     last, other = NOTHING, NOTHING
     while True:
@@ -295,19 +284,32 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0):
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
         if touch.hit:
-            v0 = collide(rules, here, table, log, accounts, touch, v0)
+            book_flight(ledger, here, rules.flight.dt, v0, u, w, -1.0)
+            v0 = collide(rules, here, table, log, accounts, ledger, touch, v0)
             u, w = fly(rules.flight, v0)
+            book_flight(ledger, here, rules.flight.dt, v0, u, w, 1.0)
+            free = u, w
             hits += 1
+        elif passes == 1 and not lawful and are_both_kept(rules.second, last, touch):
+            u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
+                              ledger, x0, v0, last, touch, free, (u, w))
+            last, other, passes = touch, last, 2
         else:
-            u, w = press(rules, here, table, poses, motion, log, accounts, x0, touch, u, w,
-                         passes == 0 or rules.once, hits > 0, lawful)
+            u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
+                         u, w, passes == 0 or rules.once, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
             other = last if touch.collider != last.collider else other
             last, passes = touch, passes + 1
-    if other.collider != NONE and not lawful:
-        u, w = press_jointly(rules, here, table, poses, motion, accounts, x0, last, other, u, w)
+    joined = passes == 2 and are_both_kept(rules.second, other, last)
+    if other.collider != NONE and not lawful and not joined:
+        u, w = press_jointly(rules, here, table, poses, motion, accounts, ledger, x0, last, other,
+                             u, w)
         x1 = add_scaled(x0, rules.flight.dt, u)
     place, c, beside = push_out(rules, here, table, poses, motion, x0, x1)
     if c != NONE or not is_path_clear(rules.sweep, rules, here, table, poses, motion, x0, place):
-        return fail_safe(rules, here, table, poses, motion, accounts, notes, max(c, 0), beside, x0)
+        place, w1 = fail_safe(rules, here, table, poses, motion, accounts, notes, max(c, 0),
+                              beside, x0)
+        book_placing(ledger, rules, here, poses, motion, max(c, 0), x0, x1, place, w, w1)
+        return place, w1
+    book_shift(ledger, here, REPULSED, subtract(place, x1))
     return place, w

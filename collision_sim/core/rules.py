@@ -43,6 +43,7 @@ PUSHES = 12                 # times a particle is pushed to a surface before the
 PARALLEL = 1e-14            # square of the sine below which two normals are parallel
 ROUNDING = 16.0 * EPSILON   # relative size of a velocity or depth that is only rounding
 SAME_SIDE = 0.5             # cosine above which two normals belong to the same side of a surface
+STRAIGHT = 0.9              # cosine above which there is no edge between two normals
 NONE = -1                   # no collider
 
 
@@ -53,7 +54,7 @@ class Rules(NamedTuple):
     present: the shapes; dry, wet: 1 if any collider has such friction; sweep: 1 if impacts are
     found along the path; checks: 1 if the method has a collision stage; passes: most passes of
     the contact stage; once: each collider at most once in turn (`single_pass`); share [-] and
-    highest [m/s]: the repulsion.
+    highest [m/s]: the repulsion; second: 1 if contacts are of second order.
     """
 
     flight: Flight
@@ -66,6 +67,7 @@ class Rules(NamedTuple):
     once: bool
     share: float
     highest: float
+    second: Optional[int] = None
 
 
 class Here(NamedTuple):
@@ -85,7 +87,8 @@ class Touch(NamedTuple):
 
     collider, normal; obj [m/s]: velocity of its material point; point [m]: where the particle
     touches; v_n, target [m/s]: normal velocity, and the one that repulsion asks for, else 0; hit:
-    whether to act on the velocity at the start of the step (collision stage).
+    whether to act on the velocity at the start of the step (collision stage); stays: whether the
+    normal is that where the surface is met, and the particle is to end on it (second order).
     """
 
     collider: int
@@ -95,6 +98,7 @@ class Touch(NamedTuple):
     v_n: float
     target: float
     hit: bool
+    stays: bool
 
 
-NOTHING = Touch(NONE, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, False)
+NOTHING = Touch(NONE, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, False, False)

@@ -54,6 +54,12 @@ def subtract(a, b):
 
 
 @formula
+def scaled(s, a):
+    """Vector s a."""
+    return (s * a[0], s * a[1], s * a[2])
+
+
+@formula
 def add_scaled(a, s, b):
     """Vector a + s b."""
     return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])

@@ -19,7 +19,8 @@ from math import ceil, cos, floor, pi, sin
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
-from small_scenes import (box, EPSILON, FAR, G, METHODS, order, plane, simulate, sphere, UPRIGHT)
+from small_scenes import (box, EPSILON, FAR, FIRST_ORDER, G, METHODS, order, plane, simulate,
+                          sphere, UPRIGHT)
 
 every_method = pytest.mark.parametrize('method', METHODS)
 WEIGHTLESS = (0.0, 0.0, 0.0)
@@ -174,7 +175,11 @@ def test_rest_in_an_acute_groove(method, degrees):
 @pytest.mark.parametrize(('half_angle', 'mu'), [(pi / 4, 0.3), (pi / 6, 0.05)])
 @pytest.mark.jit
 def test_sliding_in_a_groove(method, half_angle, mu):
-    """T55, fact 6: slows at mu g / sin(half angle), to first order: deepest collider first."""
+    """
+    T55, fact 6: slows at mu g / sin(half angle).
+
+    To first order with the deepest collider first; to rounding where both are answered at once.
+    """
     steps, errors = np.array([0.0101, 0.00503, 0.00251, 0.001253]), []
     for dt in steps:
         sim = simulate(groove(half_angle), (0.0, 0.0, 0.0), (0.0, 3.0, 0.0), dt=dt, method=method,
@@ -184,7 +189,10 @@ def test_sliding_in_a_groove(method, half_angle, mu):
         errors.append(abs(slower - mu * G / sin(half_angle)))
         assert abs(sim.position[0, 0]) < 1e-14
     assert errors[-1] < 0.01 * mu * G
-    assert order(steps, errors) == pytest.approx(1.0, abs=0.25)
+    if method in FIRST_ORDER:
+        assert order(steps, errors) == pytest.approx(1.0, abs=0.25)
+    else:
+        assert max(errors) < 1e-12
 
 
 def closing_plates(method, friction):

@@ -24,7 +24,8 @@ from math import cos, exp, pi, sin, sqrt, tan
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
-from small_scenes import EPSILON, G, incline, METHODS, order, plane, root_mean_square, simulate
+from small_scenes import (EPSILON, G, incline, METHODS, order, plane, root_mean_square, simulate,
+                          STAGED)
 
 pytestmark = pytest.mark.filterwarnings('ignore:overflow')     # without the compiler
 
@@ -78,8 +79,8 @@ def test_bounces_die_out(method, eps, last):
     """
     T02: infinitely many bounces end at t1 (1 + eps) / (1 - eps), then the particle rests.
 
-    The third method rests exactly, at a gap that a step from rest would cross. With the others
-    hops remain, where the gain g v dt of a bounce makes up for its loss (1 - eps^2) v^2 / 2.
+    With a collision stage it rests exactly, at a gap that a step from rest would cross. Without
+    it hops remain, where the gain g v dt of a bounce makes up for its loss (1 - eps^2) v^2 / 2.
     """
     dt = 1e-3
     sim = simulate([plane()], (0.0, 0.0, 1.0), dt=dt, method=method, restitution=eps)
@@ -88,7 +89,7 @@ def test_bounces_die_out(method, eps, last):
     for _ in range(50):
         sim.step()
         heights.append(sim.position[0, 2])
-    if method == 'collision_then_contact':
+    if method in STAGED:
         assert 0.0 <= max(heights) == min(heights) <= 0.5 * G * dt ** 2
         assert_array_equal(sim.velocity[0], 0.0)
     else:
@@ -232,15 +233,15 @@ def test_sliding_to_a_stop(method):
 @pytest.mark.parametrize('mu', [0.1, 0.3, 1.0])
 def test_sliding_on_a_plane_is_exact(method, mu):
     """
-    T12: v = v0 - mu g t, also with eps > 0 in the third method.
+    T12: v = v0 - mu g t, also with eps > 0 where there is a collision stage.
 
     In the first step of the others friction is that of the mean velocity, half a step's.
     """
-    eps = 0.5 if method == 'collision_then_contact' else 0.0
+    eps = 0.5 if method in STAGED else 0.0
     sim = simulate([plane()], (0.0, 0.0, 0.0), (2.0, 0.0, 0.0), friction={'dry': mu}, dt=1 / 256,
                    restitution=eps, method=method)
     sim.step(40)
-    late = 0.0 if method == 'collision_then_contact' else 0.5 * mu * G / 256
+    late = 0.0 if method in STAGED else 0.5 * mu * G / 256
     assert sim.velocity[0, 0] == pytest.approx(2.0 + late - mu * G * sim.time, abs=2e-14)
     assert sim.position[0, 0] == pytest.approx(
         2.0 * sim.time - 0.5 * mu * G * sim.time ** 2, abs=2e-14)
@@ -267,13 +268,13 @@ def test_incline_knife_edge(method):
 @every_method
 @pytest.mark.jit
 def test_rest_on_an_incline_for_a_million_steps(method):
-    """T13, T16: no creep; eps matters not in the third method, the others need eps = 0."""
-    for eps in (0.0, 0.5, 1.0) if method == 'collision_then_contact' else (0.0, ):
+    """T13, T16: no creep; eps matters not beside a collision stage, else it must be 0."""
+    for eps in (0.0, 0.5, 1.0) if method in STAGED else (0.0, ):
         sim = simulate([incline(pi / 6)], (0.0, 0.0, 0.0), friction={'dry': 1.0},
                        restitution=eps, method=method)
         sim.step(1_000_000)
         assert_array_equal(sim.position[0], 0.0)
-        if method == 'collision_then_contact':
+        if method in STAGED:
             assert_array_equal(sim.velocity[0], 0.0)
 
 
@@ -308,18 +309,18 @@ def test_sliding_down_an_incline(method):
     sim.step(240)
     down = np.array([-cos(pi / 6), 0.0, -sin(pi / 6)])
     assert sim.position[0] @ down == pytest.approx(3.20585815777493138 / 2, abs=240 * EPSILON)
-    if method == 'collision_then_contact':
+    if method in STAGED:
         assert_allclose(sim.velocity[0], 3.20585815777493138 * down, atol=240 * 4 * EPSILON)
 
 
 @every_method
 def test_wet_sliding(method):
-    """T18: v = v0 e^(-D g t); exact in the third method, else the first step presses half."""
+    """T18: v = v0 e^(-D g t); exact with a collision stage, else the first step presses half."""
     v0, wet, dt = 2.0, 0.5, 1 / 240
     sim = simulate([plane()], (0.0, 0.0, 0.0), (v0, 0.0, 0.0), friction={'wet': wet}, dt=dt,
                    method=method)
     sim.step(240)
-    late = 0.0 if method == 'collision_then_contact' else wet * G * dt / 2
+    late = 0.0 if method in STAGED else wet * G * dt / 2
     assert sim.velocity[0, 0] == pytest.approx(0.0148188861658293715 * exp(late), rel=1e-12)
     # the velocity of the mean in each step is v0 e^(-D g (t + dt / 2)): a midpoint rule
     path = v0 / (wet * G) * (1.0 - exp(-wet * G))
@@ -344,8 +345,9 @@ def test_stiff_wet_friction_stops(method, form, stiffness):
 @every_method
 def test_stiff_wet_friction_explodes_in_its_linear_form(method):
     """T10: the explicit form reverses and grows where D dv_N > 2, as the lecture warns."""
+    halves = 2.0 if method == 'second_order_contact' else 1.0      # of dv_N, in a step
     sim = simulate([plane()], (0.0, 0.0, 0.0), (2.0, 0.0, 0.0), method=method,
-                   friction={'wet': {'coefficient': 3.0 * 240 / G, 'form': 'linear'}})
+                   friction={'wet': {'coefficient': 3.0 * halves * 240 / G, 'form': 'linear'}})
     sim.step(20)
     assert abs(sim.velocity[0, 0]) > 1e3
 

@@ -1,0 +1,141 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the laws make of a velocity: the response to one collider, and to two at once.
+
+Velocities are relative to the material point of the collider; absent kinds of friction are None
+and have no code.
+"""
+
+from collision_sim.core.jit import inlined
+from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, wet_friction_capped,
+                                     wet_friction_exponential, wet_friction_linear)
+from collision_sim.core.rules import PARALLEL
+from collision_sim.core.shapes import KINETIC, STATIC, WET, WET_FORM
+from collision_sim.core.vectors import add_scaled, dot, length, subtract
+
+
+@inlined
+def dry_factor(dry, table, c, speed, dv_n):
+    """Factor of dry friction on a tangential velocity; 1 where there is none."""
+    if dry is not None:
+        if table[c, STATIC] * dv_n > 0.0:
+            return dry_friction(speed, dv_n, table[c, STATIC], table[c, KINETIC])
+    return 1.0
+
+
+@inlined
+def wet_factor(wet, table, c, dv_n):
+    """Factor of wet friction on a tangential velocity; 1 where there is none."""
+    if wet is not None:
+        if table[c, WET_FORM] == EXPONENTIAL:
+            return wet_friction_exponential(table[c, WET], dv_n)
+        if table[c, WET_FORM] == CAPPED:
+            return wet_friction_capped(table[c, WET], dv_n)
+        return wet_friction_linear(table[c, WET], dv_n)
+    return 1.0
+
+
+@inlined
+def respond(rules, table, c, v, obj, n, v_n, dv_n):
+    """
+    Velocity after a change dv_n along the normal and the friction that it causes.
+
+    Parameters
+    ----------
+    rules, table, c
+        As in `resolve`; which collider.
+    v, obj, n : (3,) tuple of float [m/s], [-]
+        Velocities of the particle and of the material point, and the normal.
+    v_n, dv_n : float [m/s]
+        Normal velocity before, and its change, not negative.
+
+    Returns
+    -------
+    v : (3,) tuple of float [m/s]
+        Where the particle sticks, exactly the velocity of the material point plus (v_n + dv_n) n.
+    stuck : bool
+
+    """
+    relative = subtract(v, obj)
+    tangential = add_scaled(relative, -dot(relative, n), n)
+    factor = (dry_factor(rules.dry, table, c, length(tangential), dv_n)
+              * wet_factor(rules.wet, table, c, dv_n))
+    if factor == 0.0:
+        return add_scaled(obj, v_n + dv_n, n), True
+    after = add_scaled(v, dv_n, n)
+    if factor == 1.0:
+        return after, False
+    return add_scaled(after, factor - 1.0, tangential), False
+
+
+@inlined
+def joint_impulses(n1, obj1, n2, obj2, v):
+    """
+    Find the changes of velocity along two normals that end the approach of v to both colliders.
+
+    None of them pulls. Both are 0 where nothing approaches, where the normals are parallel, and
+    where two closing colliders would squeeze the particle out faster than twice their speed.
+
+    Returns
+    -------
+    a, b : float [m/s]
+        Along n1 and n2.
+
+    """
+    v1, v2, k = dot(subtract(v, obj1), n1), dot(subtract(v, obj2), n2), dot(n1, n2)
+    across = 1.0 - k * k
+    if (v1 >= 0.0 and v2 >= 0.0) or across < PARALLEL:
+        return 0.0, 0.0
+    a, b = (k * v2 - v1) / across, (k * v1 - v2) / across
+    if b <= 0.0:
+        a, b = max(-v1, 0.0), 0.0
+    elif a <= 0.0:
+        a, b = 0.0, max(-v2, 0.0)
+    after = add_scaled(add_scaled(v, a, n1), b, n2)
+    if length(after) > length(v) + 2.0 * (length(obj1) + length(obj2)):
+        return 0.0, 0.0
+    return a, b
+
+
+@inlined
+def joint_law(rules, table, c1, n1, obj1, c2, n2, obj2, v):
+    """Velocity that approaches neither of two colliders, with the friction of both."""
+    a, b = joint_impulses(n1, obj1, n2, obj2, v)
+    if a == 0.0 and b == 0.0:
+        return v
+    after = add_scaled(add_scaled(v, a, n1), b, n2)
+    for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
+        relative = subtract(after, obj)
+        factor = (dry_factor(rules.dry, table, c, length(relative), dv_n)
+                  * wet_factor(rules.wet, table, c, dv_n))
+        after = add_scaled(after, factor - 1.0, relative)
+    return after
+
+
+@inlined
+def shares(n1, n2, dv):
+    """
+    Divide a change of velocity between two normals.
+
+    Returns
+    -------
+    a, b : float [m/s]
+        Such that dv less a n1 + b n2 is along both surfaces; the normals are not parallel.
+
+    """
+    d1, d2, k = dot(dv, n1), dot(dv, n2), dot(n1, n2)
+    across = 1.0 - k * k
+    return (d1 - k * d2) / across, (d2 - k * d1) / across
