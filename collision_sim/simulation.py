@@ -123,8 +123,6 @@ class Simulation:
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
         self._log = None
-        if ledger and scene.stepping.method == 'exact':
-            raise SceneError('ledger', ledger, 'must be off with the method exact')
         self._books = Books(blocks, len(scene.colliders)) if ledger else None
         radius = np.asarray(scene.particles.radius, dtype=np.float64)
         self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
@@ -265,15 +263,7 @@ class Simulation:
         """
         if not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
             raise SceneError('step', n, 'must be a whole number that is not negative')
-        if self._books:
-            self._books.begin(self._x, self._v)
-        while n > 0 and self.dt > 0.0:
-            steps = self._move_colliders(n, self.dt)
-            self._move_particles(steps, self.dt, self._rules)
-            self._count += steps
-            n -= steps
-        if self._books:
-            self._books.end(self.scene, self._x, self._v)
+        self._go_on(n, 0.0)
 
     def advance(self, duration):
         """
@@ -302,21 +292,30 @@ class Simulation:
             return steps
         if rest < 0.0:
             steps, rest = steps - 1, rest + self.dt
-        self.step(steps)
-        self._step_by(rest)
+        self._go_on(steps, rest)
         return steps + 1
 
     def _blur(self):
-        """Rounding of the time now [s]."""
+        """Give the rounding of the time now [s]."""
         return 8.0 * np.spacing(self.time + self.dt)
 
-    def _step_by(self, duration):
-        """Take a step of another length than dt."""
-        stepping = replace(self.scene.stepping, dt=duration)
-        rules = step_rules(replace(self.scene, stepping=stepping), self._table)
-        self._move_colliders(1, duration)
-        self._move_particles(1, duration, rules)
-        self._since, self._count = self.time + duration, 0
+    def _go_on(self, n, rest):
+        """Take n steps of dt and, if that is more than 0, one of the duration `rest` [s]."""
+        if self._books:
+            self._books.begin(self._x, self._v)
+        while n > 0 and self.dt > 0.0:
+            steps = self._move_colliders(n, self.dt)
+            self._move_particles(steps, self.dt, self._rules)
+            self._count += steps
+            n -= steps
+        if rest > 0.0:
+            stepping = replace(self.scene.stepping, dt=rest)
+            rules = step_rules(replace(self.scene, stepping=stepping), self._table)
+            self._move_colliders(1, rest)
+            self._move_particles(1, rest, rules)
+            self._since, self._count = self.time + rest, 0
+        if self._books:
+            self._books.end(self.scene, self._x, self._v)
 
     def _move_colliders(self, most, dt):
         """Lay out the poses of the next steps; the number of steps laid out."""
@@ -366,15 +365,15 @@ class Simulation:
             rows = BLOCK * min(len(self._table), MOST_CONTACTS)
             self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
-        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v)
+        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v,
+                  self._books.ledger(self.scene) if self._books else None)
         threads = self._threads or numba.get_num_threads()
         if self._forces is not None:
             share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
                   steps, self._table, self._poses, self._motion, self._courses, *shared)
         else:
             share(step_blocks, threads if len(self._accounts) > FEW else 1, rules, steps,
-                  self._table, self._poses, self._motion, *shared,
-                  self._books.ledger(self.scene) if self._books else None)
+                  self._table, self._poses, self._motion, *shared)
 
     # ------------------------------------------------------------------ changes from outside
 

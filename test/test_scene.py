@@ -468,8 +468,9 @@ def test_wrong_sections(path, key, value):
      "'paddle/pose': must be absent where the collider has a motion"),
     (['colliders', 2, 'topic'], 'paddle pose',
      "colliders.paddle.topic: 'paddle pose': must be a valid topic name such as paddle/pose"),
-    (['stepping', 'method'], 'exact', "stepping.method: 'exact': "
-     'must be one of single_pass, multi_pass, collision_then_contact'),
+    (['stepping', 'method'], 'event', "stepping.method: 'event': "
+     'must be one of single_pass, multi_pass, collision_then_contact, second_order_contact, '
+     'exact'),
     (['stepping', 'detection'], 'path',
      "stepping.detection: 'path': must be one of end_of_step, trajectory"),
     (['stepping', 'dt'], -1e-3, 'stepping.dt: -0.001: must be a finite number from 0 upwards'),
