@@ -45,8 +45,10 @@ setup(
         shared('rviz'),
     ],
     zip_safe=False,
-    install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML'],
+    install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML', 'tqdm'],
     extras_require={
+        # The figures of `collision_sim report`.
+        'report': ['matplotlib'],
         # rclpy and Fast DDS as wheels, for machines without an installed ROS.
         'ros': [
             'ros-jazzy-common-interfaces',
@@ -66,6 +68,7 @@ setup(
             'flake8-import-order',
             'flake8-quotes',
             'hypothesis',
+            'matplotlib',
             'pydocstyle',
             'pytest',
             'pytest-timeout',
@@ -73,6 +76,7 @@ setup(
     },
     entry_points={
         'console_scripts': [
+            'collision_sim = collision_sim.cli:main',
             'collision_sim_node = collision_sim.ros.start:main',
             'swing_paddle = collision_sim.ros.swing_paddle:main',
         ],

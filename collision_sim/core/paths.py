@@ -38,7 +38,7 @@ from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, la
                                         subtract)
 
 TOLERANCE = 1e-13       # largest local error of a step, relative to its changes
-QUERIES = 4000          # most evaluations of a gap before a search is given up as undecided
+QUERIES = 20_000        # most evaluations of a gap before a search is given up as undecided
 
 decay = kernel(decay)
 
@@ -218,7 +218,8 @@ def _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x
             if side < 0.0 and not is_flat(table, c, face, side):
                 bend += (length(w) + bend * h) ** 2 / max(table[c, SIZE] - radius,
                                                           EPSILON * table[c, SIZE])
-        step = min(safe_time(above, rate, bend), h)
+        hops = rate > 0.0 and rate * rate > 2.0 * bend * touching     # higher than rounding
+        step = min(safe_time(max(gap, 0.0) if hops else above, rate, bend), h)
         if step >= 0.25 * h:
             break
         h = max(4.0 * step, 0.125 * h)

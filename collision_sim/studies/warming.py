@@ -1,0 +1,108 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compile the kernels of a sweep before it measures, on all cores.
+
+Each combination of features has a kernel of its own, which takes seconds to compile. Processes do
+that side by side, each running this module; they hand the result over by Numba's cache on disk.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+
+from collision_sim.checks import SceneError
+from collision_sim.scene import Scene
+from collision_sim.simulation import Simulation
+from tqdm import tqdm
+
+
+def kernel(case, setting):
+    """Give what tells kernels apart: features of a scene, method and detection."""
+    scene, colliders = case.scene, case.scene.get('colliders') or []
+    method = setting.method.replace('multi_pass', 'single_pass')        # share theirs
+    return (frozenset(collider['shape'] for collider in colliders),
+            any('motion' in collider or 'topic' in collider for collider in colliders),
+            str(scene.get('drag')), method, setting.detection)
+
+
+def refusal(scene, setting):
+    """
+    Take a step, which compiles.
+
+    Parameters
+    ----------
+    scene : dict
+        As in a file.
+    setting : errors.Setting
+        How to step.
+
+    Returns
+    -------
+    reason : str
+        Why that way to step does not apply to the scene, '' if it does.
+
+    """
+    stepping = {**(scene.get('stepping') or {}), **setting._asdict()}
+    try:
+        found = Scene.from_dict({**scene, 'stepping': stepping})
+        Simulation(found, contacts=False, threads=1).step()
+    except SceneError as error:
+        return str(error)
+    return ''
+
+
+def _worker(jobs):
+    """Start a process that compiles some kernels."""
+    worker = subprocess.Popen(
+        [sys.executable, '-m', 'collision_sim.studies.warming'], stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    pickle.dump(jobs, worker.stdin)
+    worker.stdin.close()
+    return worker
+
+
+def compile_kernels(ways):
+    """
+    Compile the kernels of some ways to step, with a progress bar.
+
+    Parameters
+    ----------
+    ways : list of (case.Case, errors.Setting)
+        What will be measured.
+
+    """
+    kernels = {kernel(case, setting): (case.scene, setting) for case, setting in ways}
+    jobs = sorted(kernels.values(), key=lambda job: job[1].method != 'exact')   # takes longest
+    count = min(os.cpu_count() or 1, len(jobs))
+    workers = [_worker(jobs[k::count]) for k in range(count)] if count > 1 else []
+    try:
+        with tqdm(total=len(jobs), desc='compiling', disable=None, leave=False) as bar:
+            for worker in workers:
+                for _ in worker.stdout:         # a line for each
+                    bar.update()
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+            worker.stdout.close()
+
+
+if __name__ == '__main__':
+    for job in pickle.load(sys.stdin.buffer):
+        refusal(*job)
+        print('done', flush=True)
