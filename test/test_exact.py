@@ -14,7 +14,7 @@
 
 """First time of collision on the paths of the event-driven method; order of its integrator."""
 
-from math import cos, exp, expm1, inf, log1p, pi, sin, sqrt
+from math import cos, expm1, inf, sin, sqrt
 
 from collision_sim import Scene
 from collision_sim.core import paths, shapes, surfaces
@@ -32,7 +32,7 @@ from numba import njit
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
-from small_scenes import box, EPSILON, FAR, simulate, sphere
+from small_scenes import EPSILON
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
 RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, None), Present(1, 1, 1, 1, 1),

@@ -35,6 +35,7 @@ from collision_sim.core.vectors import add_scaled, cross, dot, length, subtract
 
 STOPPED = 1e-13         # share of its velocity at which a slide has come to a stop
 STIFF = 4.0             # rate times step from which a step is stiff
+LEAST = 1e-13           # share of the step of the simulation below which errors do not count
 HALVINGS = 80           # bisections for the time of an event
 
 
@@ -178,8 +179,8 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
                                   path.holds, t, x, v, h)
         stopped, past = _stopped_on(here, table, poses, courses, path.holds, t, x, v, x1, v1,
                                     t + h, STOPPED * duration * length(a))
-        if error <= TOLERANCE and not past:
-            break
+        if (error <= TOLERANCE or h <= LEAST * duration) and not past:
+            break           # a jump of the curvature is crossed in a step that does not count
         h *= 0.5 if error <= 1e3 * TOLERANCE or past else 0.25
     b, _ = held(rules, forces, here, table, poses, courses, path.holds, t + h, x1, v1)
     pace = h * (2.0 if error <= 1e-3 * TOLERANCE else 1.0) if h < halting else pace

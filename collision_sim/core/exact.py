@@ -53,14 +53,14 @@ from collision_sim.core.sustained import (choose_mode, FLIES, NOBODY, normal_at,
                                           onto_surfaces, opening, pull, resting_place, RESTS,
                                           SLIDES, square_up, touched, ZERO)
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
-from collision_sim.core.vectors import add_scaled, dot, EPSILON, length, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, EPSILON, length, subtract
 from numba import njit
 import numpy as np
 
 EVENTS = 100_000        # most events of a particle in a step
 CHATTER = 800           # most collisions without time between them
 DEEP = 8.0              # times the touching depth: inside, and not by rounding
-HOP = 1e3 * EPSILON     # relative size of a hop that counts as no time between two collisions
+HOP = 1e4 * EPSILON     # relative size of a hop that counts as no time between two collisions
 
 
 @kernel
@@ -116,29 +116,34 @@ def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, 
 
 
 @kernel
+def _approached(rules, here, table, poses, courses, t, x, v):
+    """First surface that a particle touches and approaches, and the normal velocity, or NONE."""
+    for count in range(FACES * table.shape[0]):
+        s, v_n = touched(rules, here, table, poses, courses, t, x, v, count)
+        if s == NONE or v_n < 0.0:
+            return s, v_n
+    return NONE, 0.0
+
+
+@kernel
 def _stop_jointly(rules, here, table, poses, courses, t, x, v):
-    """Inelastic collision with all surfaces that a particle touches and approaches, at once."""
-    for _ in range(2):
-        holds, seat = NOBODY, 0
-        for count in range(3):
-            s, _ = touched(rules, here, table, poses, courses, t, x, v, count)
-            if s != NONE:
-                holds = (s if count == 0 else holds[0], s if count == 1 else holds[1],
-                         s if count == 2 else holds[2])
-                seat += 1
-        if seat == 0:
-            return v
-        if seat == 1:
+    """Collide inelastically with all surfaces that a particle touches and would approach."""
+    holds, n0, n1 = NOBODY, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)
+    for seat in range(4):
+        s, _ = _approached(rules, here, table, poses, courses, t, x, v)
+        if s == NONE:
             break
-        c = holds[0] // FACES
-        n0 = normal_at(rules, here, table, poses, courses, holds[0], t, x)
-        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x)
-        obj = material_velocity(courses, poses, here, c, t, x)
-        along = square_up(n0, n1, n1, holds)[2]
-        if seat == 3:
+        obj = material_velocity(courses, poses, here, s // FACES, t, x)
+        if seat >= 2:
             return obj
-        return add_scaled(obj, dot(subtract(v, obj), along), along)
-    return onto_surfaces(rules, here, table, poses, courses, holds, t, x, v)[1]
+        n = normal_at(rules, here, table, poses, courses, s, t, x)
+        n0, n1 = (n, n) if seat == 0 else (n0, n)
+        holds = (s, NONE, NONE) if seat == 0 else (holds[0], s, NONE)
+        d0, d1, _ = square_up(n0, n1, n1, holds)
+        w = subtract(v, obj)
+        w = add_scaled(w, -dot(w, d0), d0)
+        v = add(obj, add_scaled(w, -dot(w, d1), d1))
+    return v
 
 
 @inlined
@@ -204,17 +209,7 @@ def _travel(rules, forces, here, table, poses, courses, work, log, accounts, led
 
 
 @kernel
-def _approached(rules, here, table, poses, courses, t, x, v):
-    """First surface that a particle touches and approaches, and the normal velocity, or NONE."""
-    for count in range(FACES * table.shape[0]):
-        s, v_n = touched(rules, here, table, poses, courses, t, x, v, count)
-        if s == NONE or v_n < 0.0:
-            return s, v_n
-    return NONE, 0.0
-
-
-@kernel
-def _book_stop(ledger, here, courses, poses, account, c, t, x, x1, v, v1):
+def _book_stop(ledger, here, courses, poses, account, c, t, x, v, x1, v1):
     """Book an impulse of a collider and a shift whose energy goes to one account."""
     if ledger is not None:
         dv, obj = subtract(v1, v), material_velocity(courses, poses, here, c, t, x)
@@ -237,7 +232,7 @@ def _jam(here, courses, poses, accounts, notes, ledger, c, t, duration, x, v):
     accounts[here.block, N_FAIL_SAFE] += 1
     note_unplaced(here, accounts, notes, c, NONE)
     x1, v1 = resting_place(courses, poses, here, c, x, t, duration)
-    _book_stop(ledger, here, courses, poses, REPULSED, c, t, x, x1, v, v1)
+    _book_stop(ledger, here, courses, poses, REPULSED, c, t, x, v, x1, v1)
     return x1, v1
 
 
@@ -261,6 +256,7 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
 
     """
     t, last, rapid, released, pace, contacts, x0 = 0.0, -1.0, 0, NONE, duration, 0, x
+    recent, other = NONE, NONE
     for _ in range(EVENTS):
         if t >= duration:
             place = push_out(rules, here, table, poses, motion, x0, x)[0]       # of rounding
@@ -270,14 +266,19 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
         if s != NONE:
             hop = (length(forces.gravity) * (t - last) - v_n) * (t - last)
             rapid = rapid + 1 if t == last or hop <= HOP * length(x) else 0
+            if rapid == 0:
+                other = NONE
+            elif s != recent:
+                other = recent
+            recent = s
             if rapid <= CHATTER:
                 v = _collide(rules, forces, here, table, poses, courses, log, accounts, ledger,
                              duration, s, v_n, t, x, v)
             else:
-                before, rapid = v, 0
+                before, rapid = (x, v), 0
+                x, v = onto_surfaces(rules, here, table, poses, courses, (s, other, NONE), t, x, v)
                 v = _stop_jointly(rules, here, table, poses, courses, t, x, v)
-                _book_stop(ledger, here, courses, poses, RESTITUTED, s // FACES, t, x, x, before,
-                           v)
+                _book_stop(ledger, here, courses, poses, RESTITUTED, s // FACES, t, *before, x, v)
                 if _approached(rules, here, table, poses, courses, t, x, v)[0] != NONE:
                     return _jam(here, courses, poses, accounts, notes, ledger, s // FACES, t,
                                 duration, x, v)

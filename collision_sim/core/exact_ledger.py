@@ -25,7 +25,8 @@ from math import sqrt
 from collision_sim.core.courses import frame_acceleration, material_velocity
 from collision_sim.core.jit import kernel
 from collision_sim.core.ledger import (book, book_impulse, CONTACT, DRAG, DRAG_IMPULSE, DRY_LOSS,
-                                       FLIGHT, GRAVITY, GRAVITY_IMPULSE, kinetic, weight_of, WET_LOSS)
+                                       FLIGHT, GRAVITY, GRAVITY_IMPULSE, kinetic, weight_of,
+                                       WET_LOSS)
 from collision_sim.core.paths import state_at
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, WET

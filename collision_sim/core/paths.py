@@ -32,7 +32,7 @@ from collision_sim.core.flight import decay
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import N_UNDECIDED, ROUNDING
 from collision_sim.core.shapes import BOX, KIND, PLANE, SIDE, SIZE, SPHERE
-from collision_sim.core.surfaces import FACES, gap_to, is_flat, touching_depth
+from collision_sim.core.surfaces import face_beside, FACES, gap_to, is_flat, touching_depth
 from collision_sim.core.sustained import onto_surfaces, resting_place, RESTS, ZERO
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
                                         subtract)
@@ -264,6 +264,14 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
         touching, rate = touching_depth(table, poses, here, c, x), dot(subtract(v, obj), n)
         rounding = ROUNDING * (largest(v) + largest(obj))
         if gap <= touching:
+            beside = 0
+            if rate < -rounding and face == 0 and side > 0.0:
+                beside = face_beside(rules, here, table, poses, courses, c, radius, t, x,
+                                     subtract(v, obj), touching, rounding)
+            if beside > 0:
+                gap, slope, n = gap_to(rules, here, table, poses, courses, c, beside, side, radius,
+                                       t, x)
+                rate = dot(subtract(v, obj), n)
             if rate < -rounding:
                 return t
             rate = max(rate, 0.0)

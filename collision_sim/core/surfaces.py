@@ -155,6 +155,38 @@ def is_flat(table, c, face, side):
     return kind == PLANE or (own >= 0 and (kind == BOX or (kind == CYLINDER and own > 0)))
 
 
+@kernel
+def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, rounding):
+    """
+    Face of a box or cylinder that a particle at its edge goes along or away from, as a surface.
+
+    A convex solid is behind the plane of each of its faces: who is not behind one, and does not
+    approach it, does not come inside. So there is no bump at the seam of two flush boxes.
+
+    Parameters
+    ----------
+    rules, here, table, poses, courses, c, radius, t, x
+        As in `gap_to`.
+    w : (3,) tuple of float [m/s]
+        Velocity relative to the collider.
+    slack, rounding : float [m], [m/s]
+        Gap and speed that are only rounding.
+
+    Returns
+    -------
+    face : int
+        As in `gap_to`; 0 if there is none.
+
+    """
+    kind = table[c, KIND]
+    if table[c, SIDE] > 0.0 and (kind == BOX or kind == CYLINDER):
+        for face in range(1, faces(table, c, -1.0) + 1):
+            gap, _, n = gap_to(rules, here, table, poses, courses, c, face, 1.0, radius, t, x)
+            if gap >= -slack and dot(w, n) >= -rounding:
+                return face
+    return 0
+
+
 @inlined
 def is_end(table, c, face, edge):
     """Whether a face of a box or cylinder ends at another one, by their numbers from inside."""
@@ -185,7 +217,7 @@ def face_of(rules, here, table, poses, courses, s, t, x, v):
 
     """
     c, kind = s // FACES, table[s // FACES, KIND]
-    if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER):
+    if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER) or s % FACES > 0:
         return s
     _, _, n = gap_to(rules, here, table, poses, courses, c, 0, 1.0, here.radius, t, x)
     m = body_frame(courses, table, poses, here, c, t, n)

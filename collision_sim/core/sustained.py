@@ -29,7 +29,8 @@ from collision_sim.core.courses import (carried, frame_acceleration, material_ve
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, SIDE, STATIC, WET
-from collision_sim.core.surfaces import bend_of, FACES, faces, gap_to, touching_depth
+from collision_sim.core.surfaces import (bend_of, face_beside, FACES, faces, gap_to,
+                                         touching_depth)
 from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length,
                                         origin, subtract)
 
@@ -101,6 +102,13 @@ def touched(rules, here, table, poses, courses, t, x, v, count):
             if v_n > rounding:
                 continue
             if count == 0:
+                beside = 0
+                if v_n < -rounding:
+                    beside = face_beside(rules, here, table, poses, courses, c, here.radius, t, x,
+                                         subtract(v, obj), touching_depth(table, poses, here, c,
+                                                                          x), rounding)
+                if beside > 0:
+                    return FACES * c + beside, 0.0
                 return FACES * c + face, (v_n if v_n < -rounding else 0.0)
             count -= 1
     return NONE, 0.0
