@@ -28,7 +28,7 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.paths import first_time, Path, state_at, TOLERANCE
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, SIDE, WET
-from collision_sim.core.surfaces import face_of, FACES, faces, is_end, is_flat
+from collision_sim.core.surfaces import face_of, FACES, faces, is_end, is_flat, region_of
 from collision_sim.core.sustained import (at_rest, BALANCED, can_rest, FLIES, held, NOBODY, pull,
                                           pull_slack, RESTS, SLIDES, ZERO)
 from collision_sim.core.vectors import add_scaled, cross, dot, length, subtract
@@ -229,6 +229,35 @@ def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
 
 
 @kernel
+def _regions(here, table, poses, courses, holds, t, x):
+    """Give one number for the parts of the shapes that a particle is on."""
+    code = 0
+    for k in range(3):
+        if holds[k] != NONE:
+            code = 27 * code + region_of(here, table, poses, courses, holds[k], t, x)
+    return code
+
+
+@kernel
+def _region_end(rules, forces, here, table, poses, courses, work, path, end):
+    """First time on a slide at which the curvature has jumped; `end` if it does not before."""
+    first = _regions(here, table, poses, courses, path.holds, path.since, path.x)
+    x, _ = state_at(rules, forces, here, table, poses, courses, work, path, end)
+    low, high = path.since, end
+    if _regions(here, table, poses, courses, path.holds, end, x) != first:
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            x, _ = state_at(rules, forces, here, table, poses, courses, work, path, middle)
+            if _regions(here, table, poses, courses, path.holds, middle, x) == first:
+                low = middle
+            else:
+                high = middle
+    return high
+
+
+@kernel
 def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
     """First time at which friction does not hold a resting particle any more, at most `end`."""
     c = path.holds[0] // FACES
@@ -373,6 +402,8 @@ def next_event(rules, forces, here, table, poses, courses, work, accounts, mode,
             rules, forces, here, table, poses, courses, work, path, t, duration, pace)
         path = Path(mode, path.holds, t, x, v, False, ZERO, 0.0, bend, stiff)
     last = end
+    if mode == SLIDES and not path.closed:
+        end = _region_end(rules, forces, here, table, poses, courses, work, path, end)
     edge, left = _face_end(rules, forces, here, table, poses, courses, work, accounts, path, end)
     end = _first_hit(rules, forces, here, table, poses, courses, work, accounts, path,
                      min(edge, end))

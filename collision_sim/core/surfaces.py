@@ -236,6 +236,49 @@ def face_of(rules, here, table, poses, courses, s, t, x, v):
 
 
 @inlined
+def _zone(a, half):
+    """Where a coordinate is: 0 between -half and half, else 1 or 2."""
+    return 0 if abs(a) <= half else (1 if a > 0.0 else 2)
+
+
+@kernel
+def region_of(here, table, poses, courses, s, t, x):
+    """
+    Which part of a shape is nearest, where the curvature jumps from one to the next.
+
+    Parameters
+    ----------
+    here, table, poses, courses
+        As in exact.py.
+    s : int
+        Surface.
+    t : float [s]
+        Since the start of the step.
+    x : (3,) tuple of float [m]
+
+    Returns
+    -------
+    region : int
+        Of a capsule: side or cap; of a box or cylinder from outside: face, edge or corner.
+
+    """
+    c, kind = s // FACES, table[s // FACES, KIND]
+    q = body_frame(courses, table, poses, here, c, t,
+                   subtract(x, centre(courses, poses, here, c, t)))
+    if kind == CAPSULE:
+        return _zone(q[2], table[c, SIZE + 1])
+    if table[c, SIDE] < 0.0 or s % FACES > 0:
+        return 0
+    if kind == CYLINDER:
+        return (_zone(length((q[0], q[1], 0.0)), table[c, SIZE])
+                + 3 * _zone(q[2], table[c, SIZE + 1]))
+    if kind == BOX:
+        return (_zone(q[0], table[c, SIZE]) + 3 * _zone(q[1], table[c, SIZE + 1])
+                + 9 * _zone(q[2], table[c, SIZE + 2]))
+    return 0
+
+
+@inlined
 def _bend(across, rho):
     """Give the curvature term w_t^2 / rho; infinite at a sharp edge."""
     square = dot(across, across)
