@@ -206,6 +206,24 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 
 
 @inlined
+def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+    """
+    Whether a particle that ends outside meets a surface on the chord of its path only.
+
+    Just after it has let go of a curved surface, the chord of a step cuts the surface, the path
+    does not; to act on that would make lift-off an error of first order. Such a cut is no steeper
+    than half the turn of the normal.
+    """
+    if second is not None:
+        if phi >= 0.0:
+            n = signed_distance(rules.present, table, poses, here.start, k, x0)[1]
+            obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+            steepest = 0.5 * length(subtract(n_end, n)) * length(subtract(u, obj))
+            return dot(n, n_end) > STRAIGHT and dot(subtract(v0, obj), n) >= -steepest
+    return False
+
+
+@inlined
 def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u):
     """
     Time, normal and arm of the impact with a collider on the path of the step.
@@ -228,6 +246,8 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
         if phi < 0.0 or start_approach(1, v0, obj, n, _rounding_speed(
                 rules.second, here, table, poses, k, x0, v0, u, obj)) == 0.0:
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
+    if _only_bulges(rules.second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+        return NEVER, n_end, arm, False, phi
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
                                      here.radius, x0, subtract(x1, x0))
     accounts[here.block, N_UNDECIDED] += not decided

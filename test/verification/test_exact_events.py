@@ -39,7 +39,7 @@ def run(colliders, position, velocity=(0.0, 0.0, 0.0), *, duration, dt=0.3, **ke
 
 
 def bounces(height, eps, most=400):
-    """Give the times of the hits of a particle dropped on the ground, and its speeds after them."""
+    """Give the times of the hits of a particle dropped on the ground, and speeds after them."""
     speed = sqrt(2.0 * G * height)
     after = speed * eps ** np.arange(1.0, most)
     times = speed / G + np.concatenate([[0.0], np.cumsum(2.0 * after / G)])[:-1]
@@ -125,8 +125,7 @@ def test_friction_of_bounces_that_end(dt, friction, slowed, law, eps):
 @pytest.mark.jit
 def test_a_million_elastic_bounces():
     """T03: eps = 1: the energy, and so the apex, after 1e6 bounces, to 1e-10."""
-    sim = simulate([plane(), *FAR], (0.0, 0.0, 1.0), dt=20.0, method='exact', restitution=1.0,
-                   contacts=False)
+    sim = simulate([plane(), *FAR], (0.0, 0.0, 1.0), dt=20.0, method='exact', restitution=1.0)
     energy = sim.energy()
     sim.step(45_153)
     assert sim.counters['collisions'] == pytest.approx(1e6, rel=1e-4)
@@ -371,7 +370,7 @@ def test_energy_among_obstacles(eps, mu):
     """Energy is constant with eps = 1 and mu = 0, and else never grows; nobody comes inside."""
     place, velocity = crowd(300)
     sim = simulate(obstacles() + FAR, place, velocity, restitution=eps, friction={'dry': mu},
-                   method='exact', dt=0.05, contacts=False)
+                   method='exact', dt=0.05)
     before = start = sim.energy()
     for _ in range(40):
         sim.step()
@@ -389,7 +388,7 @@ def test_time_step_is_of_no_importance(eps, mu):
     """The same state at the same time for dt = 0.3, 0.05 and 0.003, before chaos sets in."""
     place, velocity = crowd(300)
     ends = [run(obstacles(), place, velocity, duration=0.8, dt=dt, restitution=eps,
-                friction={'dry': mu}, contacts=False) for dt in (0.3, 0.05, 0.003)]
+                friction={'dry': mu}) for dt in (0.3, 0.05, 0.003)]
     assert ends[0].counters['collisions'] > 250
     for sim in ends[1:]:
         assert_allclose(sim.position, ends[0].position, rtol=0.0, atol=1e-11)

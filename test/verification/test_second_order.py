@@ -74,11 +74,13 @@ def round_slide(axes, side, dry=0.0, wet=0.0, obj=lambda x: np.zeros(3)):
     return rate
 
 
-def test_the_sphere_top():
+@every_detection
+def test_the_sphere_top(detection):
     """T39: place after leaving the ball, for 128, 512, 2048, 8192 steps: as the prototype."""
     errors = []
     for count in (128, 512, 2048, 8192):
-        sim = simulate([sphere()], (sin(0.1), 0.0, cos(0.1)), dt=1.2 / count, method=SECOND)
+        sim = simulate([sphere()], (sin(0.1), 0.0, cos(0.1)), dt=1.2 / count, method=SECOND,
+                       stepping={'detection': detection})
         sim.step(count)
         errors.append(np.linalg.norm(
             sim.position[0] - (1.243930772593345, 0.0, -0.316542575433447)))
