@@ -20,6 +20,7 @@ from collision_sim import Scene
 from collision_sim.core import paths, shapes, surfaces
 from collision_sim.core.courses import (AMPLITUDE, AXIS, COURSE, CUBE, LINEAR, PHASE, RATE, SPIN,
                                         SQUARE)
+from collision_sim.core.extrapolation import ROWS
 from collision_sim.core.flight import Flight
 from collision_sim.core.paths import Path
 from collision_sim.core.rotation import rotation_matrix
@@ -53,7 +54,7 @@ def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
     Of the faces of a shape around the particle the first.
     """
     times, accounts = np.full(x.shape[0], inf), np.zeros((1, ACCOUNTS), dtype=np.int64)
-    work = np.empty((paths.ROWS, 6))
+    work = np.empty((ROWS, 6))
     for i in range(x.shape[0]):
         here = Here(0, 0, 0, 0, 0, radius[i])
         path = Path(FLIES, NOBODY, 0.0, (x[i, 0], x[i, 1], x[i, 2]), (v[i, 0], v[i, 1], v[i, 2]),

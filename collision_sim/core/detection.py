@@ -25,8 +25,8 @@ from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
-from collision_sim.core.shapes import signed_distance, SIZE
-from collision_sim.core.trajectory import first_hit, NEVER, path_velocity
+from collision_sim.core.shapes import BOX, KIND, signed_distance, SIZE
+from collision_sim.core.trajectory import first_hit, NEVER, path_velocity, relative_motion
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
                                         subtract)
 
@@ -215,7 +215,8 @@ def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n
     than half the turn of the normal.
     """
     if second is not None:
-        if phi >= 0.0:
+        _, _, angle = relative_motion(motion, here.step, k, x0)
+        if phi >= 0.0 and table[k, KIND] != BOX and angle <= STRAIGHT:
             n = signed_distance(rules.present, table, poses, here.start, k, x0)[1]
             obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
             steepest = 0.5 * length(subtract(n_end, n)) * length(subtract(u, obj))
