@@ -38,6 +38,7 @@ NOBODY = (NONE, NONE, NONE)     # no surface holds
 ZERO = (0.0, 0.0, 0.0)
 BALANCED = 64.0 * EPSILON       # relative size of a force that is only rounding
 BLINK = 3e-5                    # share of a step: how long friction turns a first slip
+SETTLED = 1e-4                  # share of a blink: how long the last of a slide takes
 FLIES, RESTS, SLIDES = 0, 1, 2
 
 
@@ -328,6 +329,19 @@ def at_rest(courses, poses, here, c, t, x, v):
 
 
 @kernel
+def nearly_at_rest(forces, courses, poses, here, c, t, x, v):
+    """
+    Whether a particle is so slow on a collider that it stops at once if friction can hold it.
+
+    Close to the limit of static friction a slide would take long to stop, on a way that does not
+    count.
+    """
+    obj = material_velocity(courses, poses, here, c, t, x)
+    slow = SETTLED * forces.blink * length(pull(forces, obj))
+    return largest(subtract(v, obj)) <= slow + still_speed(courses, poses, here, c, x, v)
+
+
+@kernel
 def can_rest(rules, forces, here, table, poses, courses, holds, t, x):
     """Whether a particle that rests on the first of some surfaces goes on doing so at a time."""
     c = holds[0] // FACES
@@ -382,7 +396,8 @@ def _keeps_still(rules, forces, here, table, poses, courses, holds, touch, t, x,
     """Whether resting on `holds` is possible, and the other touched surfaces let it."""
     c = holds[0] // FACES
     for k in range(1, 3):
-        if holds[k] != NONE and not at_rest(courses, poses, here, holds[k] // FACES, t, x, v):
+        if holds[k] != NONE and not nearly_at_rest(forces, courses, poses, here,
+                                                   holds[k] // FACES, t, x, v):
             return False
     if not can_rest(rules, forces, here, table, poses, courses, holds, t, x):
         return False
@@ -441,8 +456,9 @@ def choose_mode(rules, forces, here, table, poses, courses, released, t, x, v):
         holds = _choice(touch, k)
         if holds[0] == NONE or (k > 2 and holds[1] == NONE) or (k == 6 and holds[2] == NONE):
             continue
-        if at_rest(courses, poses, here, holds[0] // FACES, t, x, v) and _keeps_still(
-                rules, forces, here, table, poses, courses, holds, touch, t, x, v):
+        if nearly_at_rest(forces, courses, poses, here, holds[0] // FACES, t, x, v) \
+                and _keeps_still(rules, forces, here, table, poses, courses, holds, touch, t, x,
+                                 v):
             return RESTS, holds
     for k in range(7):
         holds = _choice(touch, k)
