@@ -25,7 +25,7 @@ from collision_sim.core.courses import (accelerates, frame_acceleration, is_unif
                                         material_velocity, quickest)
 from collision_sim.core.extrapolation import integrate, stiffness
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.paths import first_time, Path, state_at, TOLERANCE
+from collision_sim.core.paths import first_time, Path, state_at, STIFF_TOLERANCE, TOLERANCE
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, SIDE, WET
 from collision_sim.core.surfaces import face_of, FACES, faces, is_end, is_flat, region_of
@@ -179,11 +179,13 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
                                   path.holds, t, x, v, h)
         stopped, past = _stopped_on(here, table, poses, courses, path.holds, t, x, v, x1, v1,
                                     t + h, STOPPED * duration * length(a))
-        if (error <= TOLERANCE or h <= LEAST * duration) and not past:
+        limit = STIFF_TOLERANCE if stiff else TOLERANCE
+        if (error <= limit or h <= LEAST * duration) and not past:
             break           # a jump of the curvature is crossed in a step that does not count
-        h *= 0.5 if error <= 1e3 * TOLERANCE or past else 0.25
+        h *= 0.5 if error <= 1e3 * limit or past else 0.25
     b, _ = held(rules, forces, here, table, poses, courses, path.holds, t + h, x1, v1)
-    pace = h * (2.0 if error <= 1e-3 * TOLERANCE else 1.0) if h < halting else pace
+    if h < halting:
+        pace = h * (2.0 if error <= (0.1 if stiff else 1e-3) * limit else 1.0)
     end = duration if h == duration - t else t + h
     return end, max(pace, h), 2.0 * max(length(a), length(b)), stiff, stopped
 

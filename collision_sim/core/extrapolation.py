@@ -24,7 +24,7 @@ slow it at D N and k. These rates, at the start of the step, are all that is imp
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9, and II, IV.9.
 """
 
-from collision_sim.core.courses import material_velocity
+from collision_sim.core.courses import frame_acceleration, material_velocity
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, WET
@@ -53,10 +53,20 @@ def _midpoints(rules, forces, here, table, poses, courses, holds, t, x, v, a, h,
 @kernel
 def _implicit_steps(rules, forces, here, table, poses, courses, holds, t, x, v, along, across,
                     rates, h, count):
-    """Linearly implicit Euler rule with `count` substeps; `rates` as from `stiffness`."""
-    s = h / count
+    """
+    Linearly implicit Euler rule with `count` substeps; `rates` as from `stiffness`.
+
+    Friction depends on the velocity relative to the first collider, whose material point, where
+    the particle is, accelerates by itself: that part is explicit.
+    """
+    s, c = h / count, holds[0] // FACES
     for m in range(count):
         a, _ = held(rules, forces, here, table, poses, courses, holds, t + m * s, x, v)
+        if holds[0] != NONE:
+            w = subtract(v, material_velocity(courses, poses, here, c, t + m * s, x))
+            own = frame_acceleration(courses, poses, here, c, t + m * s, x,
+                                     (0.5 * w[0], 0.5 * w[1], 0.5 * w[2]))
+            a, v = subtract(a, own), add_scaled(v, s, own)
         rest = add_scaled(add_scaled(a, -dot(a, along), along), -dot(a, across), across)
         dv = add_scaled(ZERO, s / (1.0 + s * rates[0]), rest)
         dv = add_scaled(dv, s * dot(a, along) / (1.0 + s * rates[1]), along)

@@ -38,6 +38,7 @@ from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, la
                                         subtract)
 
 TOLERANCE = 1e-13       # largest local error of a step, relative to its changes
+STIFF_TOLERANCE = 2e-12     # that of a stiff step, whose rounding is larger
 QUERIES = 20_000        # most evaluations of a gap before a search is given up as undecided
 
 decay = kernel(decay)
