@@ -278,6 +278,9 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
                 before, rapid = (x, v), 0
                 x, v = onto_surfaces(rules, here, table, poses, courses, (s, other, NONE), t, x, v)
                 v = _stop_jointly(rules, here, table, poses, courses, t, x, v)
+                obj = material_velocity(courses, poses, here, s // FACES, t, x)
+                if length(subtract(v, obj)) <= EPSILON * duration * length(forces.gravity):
+                    v = obj
                 _book_stop(ledger, here, courses, poses, RESTITUTED, s // FACES, t, *before, x, v)
                 if _approached(rules, here, table, poses, courses, t, x, v)[0] != NONE:
                     return _jam(here, courses, poses, accounts, notes, ledger, s // FACES, t,
