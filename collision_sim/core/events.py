@@ -370,6 +370,7 @@ def next_event(rules, forces, here, table, poses, courses, work, accounts, mode,
     t, duration : float [s]
         Now, and the end of the step.
     x, v : (3,) tuple of float [m], [m/s]
+        Where and how fast the particle is.
     pace : float [s]
         Guess for a step of the integrator.
 

@@ -249,6 +249,7 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
     duration : float [s]
         Of the step.
     x, v : (3,) tuple of float [m], [m/s]
+        At the start of the step.
 
     Returns
     -------

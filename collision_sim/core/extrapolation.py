@@ -148,6 +148,7 @@ def integrate(rules, forces, here, table, poses, courses, work, stiff, holds, t,
     t, h : float [s]
         Start, since that of the step of the simulation, and length.
     x, v : (3,) tuple of float [m], [m/s]
+        Where and how fast it starts.
 
     Returns
     -------

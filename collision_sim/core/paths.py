@@ -75,6 +75,7 @@ def state_at(rules, forces, here, table, poses, courses, work, path, t):
     rules, forces, here, table, poses, courses, work
         As in exact.py.
     path : Path
+        The way of the particle.
     t : float [s]
         Since the start of the step, not before that of the path.
 
@@ -247,6 +248,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
     rules, forces, here, table, poses, courses, work, accounts
         As in exact.py.
     path : Path
+        The way of the particle.
     c, face, side, radius
         As in surfaces.gap_to.
     t, end : float [s]

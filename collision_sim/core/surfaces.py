@@ -114,6 +114,7 @@ def gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x):
     t : float [s]
         Since the start of the step.
     x : (3,) tuple of float [m]
+        Of the particle, world frame.
 
     Returns
     -------
@@ -255,6 +256,7 @@ def region_of(here, table, poses, courses, s, t, x):
     t : float [s]
         Since the start of the step.
     x : (3,) tuple of float [m]
+        Of the particle, world frame.
 
     Returns
     -------

@@ -241,6 +241,7 @@ def held(rules, forces, here, table, poses, courses, holds, t, x, v):
     t : float [s]
         Since the start of the step.
     x, v : (3,) tuple of float [m], [m/s]
+        Where and how fast it is.
 
     Returns
     -------
