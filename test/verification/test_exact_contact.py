@@ -23,6 +23,8 @@ from small_scenes import box, G, incline, plane, sphere
 from test_corners import groove
 from test_exact_events import bounces, every_dt, run, WEIGHTLESS
 
+pytestmark = pytest.mark.jit     # without the compiler they take minutes
+
 PERIOD = 2.13913760055868884        # T42: 4 sqrt(R / g) K(sin(1/2)), R = 1, released at 1 rad
 LYING = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))        # turns the axis of a shape from z to y
 
@@ -327,7 +329,6 @@ def test_sliding_in_a_groove(dt, half_angle, mu):
 
 @pytest.mark.parametrize('degrees', [5.0, 0.5])
 @pytest.mark.parametrize('eps', [0.0, 0.5, 0.9])
-@pytest.mark.jit
 def test_falling_into_an_acute_wedge(degrees, eps):
     """T54: gravity into a wedge: it ends, nobody gets through, nor faster than in free fall."""
     half = np.radians(degrees)

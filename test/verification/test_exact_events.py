@@ -22,6 +22,8 @@ import pytest
 from small_scenes import box, EPSILON, FAR, G, plane, simulate, sphere
 from test_corners import groove, unfolded, wedge
 
+pytestmark = pytest.mark.jit     # without the compiler they take minutes
+
 WEIGHTLESS = (0.0, 0.0, 0.0)
 OBLIQUE = (3.0, 0.0, -4.0)      # v_T = 3, v_N = -4; with eps = 0.5 the change of v_N is 6
 FIRST_HIT, FIRST_SPEED = 0.451523640985730904, 4.42944691807002017      # T01: drop from 1 m
@@ -122,7 +124,6 @@ def test_friction_of_bounces_that_end(dt, friction, slowed, law, eps):
     assert_allclose(sim.position[0], (place, 0.0, 0.0), rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.jit
 def test_a_million_elastic_bounces():
     """T03: eps = 1: the energy, and so the apex, after 1e6 bounces, to 1e-10."""
     sim = simulate([plane(), *FAR], (0.0, 0.0, 1.0), dt=20.0, method='exact', restitution=1.0)
@@ -190,7 +191,6 @@ def test_start_on_the_surface(dt, height, speed, after):
     assert sim.counters['collisions'] == (speed < 0.0)
 
 
-@pytest.mark.jit
 def test_no_friction_keeps_the_tangential_velocity():
     """T22: mu = 0: v_x is bit-identical after 1e5 bounces, between two walls and on the ground."""
     walls = [plane(), plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), name='ceiling')]
@@ -218,7 +218,6 @@ def test_right_corner_reverses(dt):
 
 @every_dt
 @pytest.mark.parametrize('degrees', [30, 7, 1])
-@pytest.mark.jit
 def test_wedge_by_images(dt, degrees):
     """T52: eps = 1: hits, exit direction and place of a ray that is straight when unfolded."""
     angle = np.radians(degrees)
@@ -365,7 +364,6 @@ def crowd(count):
 
 
 @pytest.mark.parametrize(('eps', 'mu'), [(1.0, 0.0), (0.5, 0.3), (0.0, 0.0), (0.9, 0.0)])
-@pytest.mark.jit
 def test_energy_among_obstacles(eps, mu):
     """Energy is constant with eps = 1 and mu = 0, and else never grows; nobody comes inside."""
     place, velocity = crowd(300)
@@ -383,7 +381,6 @@ def test_energy_among_obstacles(eps, mu):
 
 
 @pytest.mark.parametrize(('eps', 'mu'), [(0.7, 0.3), (0.0, 0.2), (1.0, 0.0)])
-@pytest.mark.jit
 def test_time_step_is_of_no_importance(eps, mu):
     """The same state at the same time for dt = 0.3, 0.05 and 0.003, before chaos sets in."""
     place, velocity = crowd(300)

@@ -24,6 +24,8 @@ from small_scenes import (box, EPSILON, FAR, G, incline, plane, simulate, sphere
 from test_exact_events import every_dt, WEIGHTLESS
 from test_moving import follow, turning
 
+pytestmark = pytest.mark.jit     # without the compiler they take minutes
+
 DRIFTING = [{**FAR[0], 'motion': {'linear_velocity': [0.0, 0.0, 1e-3]}}, *FAR[1:]]
 POINT = 1e-300                  # radius of a point that has the kernels of balls
 
@@ -245,7 +247,6 @@ def test_ball_over_the_edge_of_a_box(dt):
     assert energy == pytest.approx(0.5 * v0 ** 2 + G * r, abs=1e-11)
 
 
-@pytest.mark.jit
 def test_bouncing_balls_keep_their_energy():
     """Bouncing balls as in SimBenchmark: 49 of 10 kg fall 5 m, eps = 1, 20 s, together 24 kJ."""
     grid = np.array([(x, y, 5.5) for x in range(7) for y in range(7)], dtype=float)
