@@ -157,7 +157,7 @@ def fall_into_wedge(method, degrees, eps):
     energy = 0.5 * np.square(v).sum(axis=2) + G * x[:, :, 2]
     return [at_most('energy gained / energy', energy / G - 1.0, 2000 * EPSILON),
             outside(x, clear),
-            at_most('way down through the edge / m', -x[:, :, 2], EPSILON),
+            at_most('way down through the edge / m', -x[:, :, 2], 0.0),
             Check('unplaced', sim.counters['unplaced'], 0)]
 
 
