@@ -100,12 +100,15 @@ def test_wedge_by_images(method, degrees):
     assert_allclose(sim.velocity[0], (cos(out), sin(out), 0.0), atol=200 * 8 * EPSILON)
 
 
-@every_method
-@pytest.mark.parametrize('colliders', [
+sharp_places = pytest.mark.parametrize('colliders', [
     groove(pi / 4), groove(0.1), [box(position=(0.0, 0.0, -0.5))],
     [box((1.0, 9.0, 1.0), (0.0, 0.0, -0.5 * 2.0 ** 0.5),
          orientation=(0.0, sin(pi / 8), 0.0, cos(pi / 8)))],
 ], ids=['right groove', 'acute groove', 'face', 'edge'])
+
+
+@every_method
+@sharp_places
 @pytest.mark.parametrize('eps', [0.0, 1.0])
 def test_exactly_into_a_corner(method, colliders, eps):
     """T53: a ray into an apex, a face centre or an edge: finite, outside, the same each time."""

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, EPSILON, FAR, G, plane, simulate, sphere
-from test_corners import groove, unfolded, wedge
+from test_corners import groove, sharp_places, unfolded, wedge
+from test_planes import oblique_hits
 
 pytestmark = pytest.mark.jit     # without the compiler they take minutes
 
@@ -139,16 +140,7 @@ def one_hit(velocity, **scene):
                **scene).velocity[0]
 
 
-@pytest.mark.parametrize(('friction', 'expected'), [
-    ({'dry': 0.1}, 3.0 - 0.1 * 6.0),                                                  # T06
-    ({'wet': {'coefficient': 0.1, 'form': 'linear'}}, 3.0 * (1.0 - 0.6)),             # T09
-    ({'wet': {'coefficient': 0.1, 'form': 'capped'}}, 3.0 * (1.0 - 0.6)),
-    ({'wet': {'coefficient': 0.1, 'form': 'exponential'}}, 1.6464349082820793),
-    ({'wet': {'coefficient': 10.0, 'form': 'linear'}}, -177.0),                       # T10
-    ({'wet': {'coefficient': 10.0, 'form': 'capped'}}, 0.0),
-    ({'wet': {'coefficient': 10.0, 'form': 'exponential'}}, 3.0 * 8.75651076269652e-27),
-    ({'dry': 0.1, 'wet': 0.1}, 2.4 * exp(-0.6)),
-], ids=str)
+@oblique_hits
 def test_oblique_hit(friction, expected):
     """T06, T09, T10: v_N' = 2, v_T' by the law for dv_N = 6."""
     after = one_hit(OBLIQUE, restitution=0.5, friction=friction)
@@ -238,11 +230,7 @@ def test_wedge_by_images(dt, degrees):
                     atol=1e-10)
 
 
-@pytest.mark.parametrize('colliders', [
-    groove(pi / 4), groove(0.1), [box(position=(0.0, 0.0, -0.5))],
-    [box((1.0, 9.0, 1.0), (0.0, 0.0, -0.5 * 2.0 ** 0.5),
-         orientation=(0.0, sin(pi / 8), 0.0, cos(pi / 8)))],
-], ids=['right groove', 'acute groove', 'face', 'edge'])
+@sharp_places
 @pytest.mark.parametrize('eps', [0.0, 1.0])
 def test_exactly_into_a_corner(colliders, eps):
     """T53: a ray into an apex, a face or an edge: outside, no faster, the same each time."""

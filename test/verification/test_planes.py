@@ -169,8 +169,7 @@ def test_nothing_happens_after_an_inelastic_landing():
     assert_array_equal(sim.position[0], place)
 
 
-@every_method
-@pytest.mark.parametrize(('friction', 'expected'), [
+oblique_hits = pytest.mark.parametrize(('friction', 'expected'), [
     ({'dry': 0.1}, 3.0 - 0.1 * 6.0),                                                  # T06
     ({'wet': {'coefficient': 0.1, 'form': 'linear'}}, 3.0 * (1.0 - 0.6)),             # T09
     ({'wet': {'coefficient': 0.1, 'form': 'capped'}}, 3.0 * (1.0 - 0.6)),
@@ -180,6 +179,10 @@ def test_nothing_happens_after_an_inelastic_landing():
     ({'wet': {'coefficient': 10.0, 'form': 'exponential'}}, 3.0 * 8.75651076269652e-27),
     ({'dry': 0.1, 'wet': 0.1}, 2.4 * exp(-0.6)),
 ], ids=str)
+
+
+@every_method
+@oblique_hits
 def test_oblique_hit(method, friction, expected):
     """T06, T09, T10: v = (3, -4), eps = 1/2: v_N' = 2, v_T' by the law for dv_N = 6."""
     after = one_hit(OBLIQUE, restitution=0.5, friction=friction, method=method)
