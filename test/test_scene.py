@@ -22,9 +22,10 @@ import math
 import pickle
 
 from collision_sim import load_scene, Scene, SceneError
-from collision_sim import scene as scene_module
-from collision_sim.scene import Collider, Drag, Friction, Motion, Oscillation, Stepping
-from collision_sim.scene import shipped_scenes
+from collision_sim import particles as particles_module
+from collision_sim.colliders import Collider, Motion, Oscillation
+from collision_sim.friction import Friction
+from collision_sim.scene import Drag, shipped_scenes, Stepping
 from hypothesis import given, settings, strategies as st
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
@@ -766,7 +767,7 @@ DATA = st.recursive(LEAVES, lambda inner: st.one_of(
 
 def reads_or_refuses(mapping):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scene_module, 'COUNT', replace(scene_module.COUNT, high=1000))
+        patch.setattr(particles_module, 'COUNT', replace(particles_module.COUNT, high=1000))
         try:
             scene = Scene.from_dict(mapping, '/nonexistent')
         except SceneError as error:
