@@ -62,6 +62,8 @@ class Balance(NamedTuple):
         of the method where surfaces are curved.
     repulsion : float [J]
         What repulsion, pushes to a surface and fail-safes bring or take.
+    internal : float [J]
+        What springs and pairs, the forces between particles, bring or take.
     change : float [J]
         Of the kinetic energy and the potential energy in the gravity field.
     momentum : Momenta
@@ -77,6 +79,7 @@ class Balance(NamedTuple):
     wet: float
     contact: float
     repulsion: float
+    internal: float
     change: float
     momentum: Momenta
 
@@ -85,7 +88,7 @@ class Balance(NamedTuple):
         """Change of energy that no account explains [J]: rounding; gravity is inside `change`."""
         return self.change - float(np.sum(self.colliders)) - sum(
             (self.drag, self.flight, self.restitution, self.dry, self.wet, self.contact,
-             self.repulsion))
+             self.repulsion, self.internal))
 
 
 class Balances(NamedTuple):

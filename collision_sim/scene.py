@@ -113,6 +113,8 @@ class Scene:
         Both are defaults of every collider.
     colliders : tuple of Collider
     stepping : Stepping
+    pairs, springs : None
+        Placeholder.
 
     """
 
@@ -123,6 +125,8 @@ class Scene:
     friction: Friction
     colliders: tuple[Collider, ...]
     stepping: Stepping
+    pairs: None = None
+    springs: None = None
 
     @classmethod
     def from_dict(cls, mapping, directory='.') -> 'Scene':

@@ -35,6 +35,7 @@ from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONT
 from collision_sim.core.shapes import distances
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
 from collision_sim.core.threads import share
+from collision_sim.coupling import Coupling
 from collision_sim.tables import (acting_forces, collider_table, frames, pose_rows, scripts,
                                   step_rules)
 import numba
@@ -127,6 +128,7 @@ class Simulation:
         radius = np.asarray(scene.particles.radius, dtype=np.float64)
         self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
             if np.any(radius) else None
+        self._coupling = Coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
         self.reset()
 
@@ -365,15 +367,27 @@ class Simulation:
             rows = BLOCK * min(len(self._table), MOST_CONTACTS)
             self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
-        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v,
-                  self._books.ledger(self.scene) if self._books else None)
+        ledger = self._books.ledger(self.scene) if self._books else None
+        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v, ledger)
         threads = self._threads or numba.get_num_threads()
         if self._forces is not None:
             share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
                   steps, self._table, self._poses, self._motion, self._courses, *shared)
-        else:
-            share(step_blocks, threads if len(self._accounts) > FEW else 1, rules, steps,
-                  self._table, self._poses, self._motion, *shared)
+            return
+        threads = threads if len(self._accounts) > FEW else 1
+        if self._coupling is None:
+            share(step_blocks, threads, rules, steps, self._table, self._poses, self._motion,
+                  *shared, None)
+            return
+        for poses, motion in self._each_step(steps):
+            candidates = self._coupling.step(rules, ledger, self._x, self._v)
+            share(step_blocks, threads, rules, 1, self._table, poses, motion, *shared, candidates)
+
+    def _each_step(self, steps):
+        """Poses (2, C, 12) and motion (1, C, MOTION) of each step that is laid out."""
+        if self._motion is None:
+            return [(self._poses, None)] * steps
+        return [(self._poses[s:s + 2], self._motion[s:s + 1]) for s in range(steps)]
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -42,9 +42,10 @@ import numpy as np
 
 # Columns of the rows (blocks, columns): energies [J], then momenta [N s], then for each collider
 # its work and its impulse.
-ENERGIES = ('gravity', 'drag', 'flight', 'restitution', 'dry', 'wet', 'contact', 'repulsion')
-GRAVITY, DRAG, FLIGHT, RESTITUTED, DRY_LOSS, WET_LOSS, CONTACT, REPULSED = range(8)
-GRAVITY_IMPULSE, DRAG_IMPULSE, COLLIDERS, PER_COLLIDER = 8, 11, 14, 4
+ENERGIES = ('gravity', 'drag', 'flight', 'restitution', 'dry', 'wet', 'contact', 'repulsion',
+            'internal')
+GRAVITY, DRAG, FLIGHT, RESTITUTED, DRY_LOSS, WET_LOSS, CONTACT, REPULSED, INTERNAL = range(9)
+GRAVITY_IMPULSE, DRAG_IMPULSE, COLLIDERS, PER_COLLIDER = 9, 12, 15, 4
 
 
 class Ledger(NamedTuple):

@@ -30,13 +30,13 @@ Then a particle that is still inside is placed outside. Who started inside a col
 from it instead. Of several colliders the one in which the particle is deepest acts first.
 """
 
+from collision_sim.core.candidates import candidate_of, fly_anew
 from collision_sim.core.detection import approach, detect, distance, is_path_clear, rounding_depth
-from collision_sim.core.flight import fly
 from collision_sim.core.impulses import joint_law, respond, shares
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import normal_impulse
-from collision_sim.core.ledger import (book_collision, book_contact, book_flight, book_joint,
-                                       book_placing, book_shift, lost_in_pass, REPULSED)
+from collision_sim.core.ledger import (book_collision, book_contact, book_joint, book_placing,
+                                       book_shift, lost_in_pass, REPULSED)
 from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity
 from collision_sim.core.placing import fail_safe, push_out
 from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, N_COLLISION,
@@ -249,7 +249,8 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
 
 
 @inlined
-def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None):
+def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None,
+            candidates=None):
     """
     One step of a particle that may touch something.
 
@@ -263,13 +264,15 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         State at the start of the step.
     ledger : ledger.Ledger or None
         Where the flight is booked already, and all else is; None for no ledger.
+    candidates : candidates.Candidates or None
+        None where springs and pairs change nothing.
 
     Returns
     -------
     x1, v1 : (3,) tuple of float [m], [m/s]
 
     """
-    u, w = fly(rules.flight, v0)
+    u, w = candidate_of(candidates, rules.flight, here.particle, v0)
     free = u, w
     hits, passes, lawful = 0, 0, False
     last, other = NOTHING, NOTHING
@@ -284,11 +287,9 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
         if touch.hit:
-            book_flight(ledger, here, rules.flight.dt, v0, u, w, -1.0)
-            v0 = collide(rules, here, table, log, accounts, ledger, touch, v0)
-            u, w = fly(rules.flight, v0)
-            book_flight(ledger, here, rules.flight.dt, v0, u, w, 1.0)
-            free = u, w
+            after = collide(rules, here, table, log, accounts, ledger, touch, v0)
+            u, w = fly_anew(candidates, ledger, here, rules.flight, v0, after, u, w)
+            v0, free = after, (u, w)
             hits += 1
         elif passes == 1 and not lawful and are_both_kept(rules.second, last, touch):
             u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,

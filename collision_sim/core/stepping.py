@@ -19,9 +19,9 @@ A block stays in the cache for all steps of a call: it is flown, tested and answ
 next block is touched. Blocks do not depend on the number of threads, and neither do results.
 """
 
-from collision_sim.core.blocks import find_touching, fly_block, path_lengths, radius_at
+from collision_sim.core.blocks import find_touching, path_lengths, radius_at
+from collision_sim.core.candidates import book_free_flights, move_block
 from collision_sim.core.jit import kernel
-from collision_sim.core.ledger import book_flights
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
@@ -56,8 +56,8 @@ def _touching(sweep, present, table, poses, motion, step, radius, old, x, y, z, 
 
 
 @kernel
-def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, ledger, x,
-               v, old, scratch, lengths, margins, touching):
+def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, ledger,
+               candidates, x, v, old, scratch, lengths, margins, touching):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -72,8 +72,9 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
     for step in range(steps):
         start, end = min(step, rows), min(step + 1, rows)
         accounts[block, N_LOGGED] = 0
-        fly_block(rules.flight, px, py, pz, vx, vy, vz, old, clear)
-        book_flights(ledger, rules.flight.dt, block, first, old, px, py, pz, vx, vy, vz)
+        move_block(candidates, rules.flight, first, px, py, pz, vx, vy, vz, old, clear)
+        book_free_flights(candidates, ledger, rules.flight.dt, block, first, old, px, py, pz, vx,
+                          vy, vz)
         count = _touching(rules.sweep, rules.present, table, poses[end], motion, step, near, old,
                           px, py, pz, clear, lengths, margins, touching)
         for k in range(count):
@@ -81,14 +82,14 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
             here = Here(step, start, end, block, first + j, radius_at(near, j))
             x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes,
                              (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j]),
-                             ledger)
+                             ledger, candidates)
             px[j], py[j], pz[j] = x1
             vx[j], vy[j], vz[j] = v1
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, log, accounts, notes,
-                x, v, ledger):
+                x, v, ledger, candidates):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.
 
@@ -114,6 +115,8 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
         Written.
     ledger : ledger.Ledger or None
         Written; None for no ledger.
+    candidates : candidates.Candidates or None
+        Of one step; None where springs and pairs change nothing.
 
     """
     old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
@@ -125,6 +128,6 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
     while first < accounts.shape[0]:
         for block in range(first, min(first + PIECE, accounts.shape[0])):
             step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes,
-                       ledger, x, v, old, scratch, lengths, margins, touching)
+                       ledger, candidates, x, v, old, scratch, lengths, margins, touching)
         first = PIECE * fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -1,0 +1,174 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Candidates of particles that act on each other: springs and pairs change them before colliders do.
+
+Without such forces a candidate is the free flight (flight.py) and has no arrays. With them the
+mean velocity u and the end velocity w of every particle are laid out here, first those of the free
+flight, then with what springs and pairs add; response.py starts from them.
+"""
+
+from typing import NamedTuple
+
+from collision_sim.core.blocks import fly_block
+from collision_sim.core.flight import fly
+from collision_sim.core.jit import formula, inlined, kernel
+from collision_sim.core.ledger import (book, book_flight, book_flights, GRAVITY, INTERNAL,
+                                       weight_of)
+from collision_sim.core.rules import Here
+from collision_sim.core.vectors import add, dot, subtract
+import numpy as np
+
+
+class Candidates(NamedTuple):
+    """Mean and end velocity of every particle over a step, both (3, N) float64 [m/s]."""
+
+    u: np.ndarray
+    w: np.ndarray
+
+
+@formula
+def fly_freely(flight, v, ledger, block_size, candidates):
+    """
+    Write the free flights of particles with velocities v (3, N) [m/s] to their candidates.
+
+    Parameters
+    ----------
+    flight : flight.Flight
+        Coefficients of the step.
+    v : (3, N) float64 [m/s]
+        At the start of the step.
+    ledger : ledger.Ledger or None
+        Where the flights are booked.
+    block_size : int
+        Particles to a row of the ledger.
+    candidates : Candidates
+        Overwritten.
+
+    """
+    for i in range(v.shape[1]):
+        start = (v[0, i], v[1, i], v[2, i])
+        u, w = fly(flight, start)
+        book_flight(ledger, Here(0, 0, 0, i // block_size, i, 0.0), flight.dt, start, u, w, 1.0)
+        for d in range(3):
+            candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
+
+
+@kernel
+def move_block(candidates, flight, first, x, y, z, vx, vy, vz, old, factor):
+    """
+    Move a block of particles to their candidates, in place, as blocks.fly_block does.
+
+    Parameters
+    ----------
+    candidates : Candidates or None
+        None for free flights.
+    flight, x, y, z, vx, vy, vz, old, factor
+        As in blocks.fly_block.
+    first : int
+        Index of the first particle of the block.
+
+    """
+    if candidates is not None:
+        u, w = candidates.u, candidates.w
+        for i in range(x.shape[0]):
+            k = first + i
+            old[0, i], old[1, i], old[2, i] = x[i], y[i], z[i]
+            old[3, i], old[4, i], old[5, i] = vx[i], vy[i], vz[i]
+            x[i] = x[i] + flight.dt * u[0, k]
+            y[i] = y[i] + flight.dt * u[1, k]
+            z[i] = z[i] + flight.dt * u[2, k]
+            vx[i], vy[i], vz[i] = w[0, k], w[1, k], w[2, k]
+    else:
+        fly_block(flight, x, y, z, vx, vy, vz, old, factor)
+
+
+@kernel
+def book_free_flights(candidates, ledger, dt, block, first, old, x, y, z, vx, vy, vz):
+    """Book the flights of a block, unless the candidates have been booked before."""
+    if candidates is None:
+        book_flights(ledger, dt, block, first, old, x, y, z, vx, vy, vz)
+
+
+@inlined
+def candidate_of(candidates, flight, i, v):
+    """Mean and end velocity of particle i with velocity v at the start of the step."""
+    if candidates is not None:
+        return ((candidates.u[0, i], candidates.u[1, i], candidates.u[2, i]),
+                (candidates.w[0, i], candidates.w[1, i], candidates.w[2, i]))
+    return fly(flight, v)
+
+
+@inlined
+def fly_anew(candidates, ledger, here, flight, v, after, u, w):
+    """
+    Mean and end velocity once a collision has changed the velocity at the start of the step.
+
+    What springs and pairs gave to the candidate stays as it is.
+
+    Parameters
+    ----------
+    candidates, ledger, here, flight
+        As in response.resolve.
+    v, after : (3,) tuple of float [m/s]
+        Velocity at the start of the step, before and after the collision.
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity of the candidate so far.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+
+    """
+    u_new, w_new = fly(flight, after)
+    if candidates is not None:
+        u_old, w_old = fly(flight, v)
+        du, dw = subtract(u, u_old), subtract(w, w_old)
+        book_flight(ledger, here, flight.dt, v, u_old, w_old, -1.0)
+        book_flight(ledger, here, flight.dt, after, u_new, w_new, 1.0)
+        book(ledger, here, INTERNAL, dot(dw, subtract(w_new, w_old)))
+        return add(u_new, du), add(w_new, dw)
+    book_flight(ledger, here, flight.dt, v, u, w, -1.0)
+    book_flight(ledger, here, flight.dt, after, u_new, w_new, 1.0)
+    return u_new, w_new
+
+
+@formula
+def book_candidates(ledger, block_size, dt, before, after):
+    """
+    Book what springs or pairs have changed in the candidates as energy of internal forces.
+
+    Parameters
+    ----------
+    ledger : ledger.Ledger
+        Written.
+    block_size : int
+        Particles to a row of the ledger.
+    dt : float [s]
+        Length of the step.
+    before, after : Candidates
+        As they were, and as they are.
+
+    """
+    g = ledger.gravity
+    for i in range(after.u.shape[1]):
+        shift, change = 0.0, 0.0
+        for d in range(3):
+            shift += dt * g[d] * (after.u[d, i] - before.u[d, i])
+            old, new = before.w[d, i], after.w[d, i]
+            change += 0.5 * (new - old) * (new + old)
+        m, row = weight_of(ledger.weight, i), i // block_size
+        ledger.rows[row, GRAVITY] += m * shift
+        ledger.rows[row, INTERNAL] += m * (change - shift)
