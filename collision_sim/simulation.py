@@ -23,16 +23,17 @@ import math
 from numbers import Integral, Real
 from typing import NamedTuple, Optional
 
-from collision_sim.balances import Books
+from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
 from collision_sim.core.courses import fill_courses
 from collision_sim.core.exact import step_events
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
-                                       MOTION, POSE, script_poses, START, TWIST)
+                                       MOTION, POSE, script_poses, START, subdivide, TWIST)
 from collision_sim.core.rotation import quaternion
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                       N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
+from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
 from collision_sim.core.threads import share
 from collision_sim.coupling import Coupling
@@ -135,9 +136,20 @@ class Simulation:
     def _adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
         self._table = collider_table(scene)
-        self._rules = step_rules(scene, self._table)
+        if self._coupling:
+            self._coupling.adopt(scene)
+        self._rules = step_rules(self._part(scene), self._table)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self.scene = scene
+
+    def _part(self, scene):
+        """Give the scene of a substep: dt and the share of repulsion are parts of those of a step."""
+        if not self._coupling or self._coupling.parts == 1:
+            return scene
+        parts, stepping = self._coupling.parts, scene.stepping
+        return replace(scene, stepping=replace(
+            stepping, dt=stepping.dt / parts,
+            repulsion=1.0 - (1.0 - stepping.repulsion) ** (1.0 / parts)))
 
     def reset(self):
         """Go back to the start: particles, colliders, time and counters; parameters stay."""
@@ -215,6 +227,7 @@ class Simulation:
         rows = [self._log[b, :n] for b, n in enumerate(self._accounts[:, N_LOGGED])] \
             if self._log is not None else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
+        log = log[np.argsort(log[:, 0], kind='stable')]
         particle, collider, state = log[:, :POINT].T.astype(np.int64)
         mass = np.broadcast_to(self.scene.particles.mass, self._x.shape[1:])[particle]
         return Contacts(particle, collider, log[:, POINT:NORMAL], log[:, NORMAL:CHANGE],
@@ -243,9 +256,18 @@ class Simulation:
         return clear - self.scene.particles.radius
 
     def energy(self):
-        """Kinetic energy plus potential energy in the gravity field, zero at the origin [J]."""
+        """
+        Energy of the particles [J]: kinetic, in the gravity field and in the springs.
+
+        That in the gravity field is zero at the origin. With springs, particles of infinite mass
+        are left out.
+        """
         specific = 0.5 * np.square(self._v).sum(axis=0) - np.array(self.scene.gravity) @ self._x
-        return float(np.sum(_times(self.scene.particles.mass, specific)))
+        if self.scene.springs is None:
+            return float(np.sum(_times(self.scene.particles.mass, specific)))
+        energy = np.sum(finite_masses(self.scene.particles.mass) * specific)
+        springs = self.scene.springs
+        return float(energy) + elastic_energy(springs.pairs, springs.laws, self.position)
 
     def momentum(self):
         """Momentum of all particles, (3,) float64 [N s]."""
@@ -380,14 +402,19 @@ class Simulation:
                   *shared, None)
             return
         for poses, motion in self._each_step(steps):
-            candidates = self._coupling.step(rules, ledger, self._x, self._v)
+            candidates = self._coupling.step(rules, ledger, self._x, self._v,
+                                             self._threads or numba.get_num_threads())
             share(step_blocks, threads, rules, 1, self._table, poses, motion, *shared, candidates)
 
     def _each_step(self, steps):
-        """Poses (2, C, 12) and motion (1, C, MOTION) of each step that is laid out."""
+        """Poses (2, C, 12) and motion (1, C, MOTION) of each substep of the steps laid out."""
+        parts = self._coupling.parts
         if self._motion is None:
-            return [(self._poses, None)] * steps
-        return [(self._poses[s:s + 2], self._motion[s:s + 1]) for s in range(steps)]
+            yield from [(self._poses, None)] * (steps * parts)
+            return
+        for s in range(steps):
+            poses, motion = subdivide(self._poses[s:s + 2], self._motion[s:s + 1], parts)
+            yield from ((poses[k:k + 2], motion[k:k + 1]) for k in range(parts))
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -61,7 +61,9 @@ def step_rules(scene, table):
         checks=_used([stepping.method not in ('single_pass', 'multi_pass')]),
         passes=max(len(table), 1) if once else stepping.iterations, once=once,
         share=stepping.repulsion, highest=stepping.repulsion_speed,
-        second=_used([stepping.method == 'second_order_contact']))
+        second=_used([stepping.method == 'second_order_contact']),
+        planes=_used([present.planes and stepping.method == 'collision_then_contact'
+                      and stepping.detection == 'end_of_step']))
 
 
 def acting_forces(scene):

@@ -26,6 +26,7 @@ from collision_sim.core.jit import kernel
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
+NONE = -1               # no collider to leave out
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 
@@ -129,11 +130,11 @@ def _square_limit(size, side, r):
 
 
 @kernel
-def _clear_planes(present, table, poses, radius, margins, x, y, z, clear):
+def _clear_planes(present, table, poses, skip, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
             margin = margin_at(margins, c)
-            if table[c, KIND] != PLANE:
+            if table[c, KIND] != PLANE or c == skip:
                 continue
             pose, side = poses[c], table[c, SIDE]
             nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
@@ -143,11 +144,11 @@ def _clear_planes(present, table, poses, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_spheres(present, table, poses, radius, margins, x, y, z, clear):
+def _clear_spheres(present, table, poses, skip, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
             margin = margin_at(margins, c)
-            if table[c, KIND] != SPHERE:
+            if table[c, KIND] != SPHERE or c == skip:
                 continue
             pose, side = poses[c], table[c, SIDE]
             size = table[c, SIZE]
@@ -159,11 +160,11 @@ def _clear_spheres(present, table, poses, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_boxes(present, table, poses, radius, margins, x, y, z, clear):
+def _clear_boxes(present, table, poses, skip, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
             margin = margin_at(margins, c)
-            if table[c, KIND] != BOX:
+            if table[c, KIND] != BOX or c == skip:
                 continue
             p, side = poses[c], table[c, SIDE]
             h0, h1, h2 = table[c, SIZE:SIZE + 3]
@@ -179,11 +180,11 @@ def _clear_boxes(present, table, poses, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_capsules(present, table, poses, radius, margins, x, y, z, clear):
+def _clear_capsules(present, table, poses, skip, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
             margin = margin_at(margins, c)
-            if table[c, KIND] != CAPSULE:
+            if table[c, KIND] != CAPSULE or c == skip:
                 continue
             pose, side = poses[c], table[c, SIDE]
             size, half = table[c, SIZE], table[c, SIZE + 1]
@@ -199,11 +200,11 @@ def _clear_capsules(present, table, poses, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_cylinders(present, table, poses, radius, margins, x, y, z, clear):
+def _clear_cylinders(present, table, poses, skip, radius, margins, x, y, z, clear):
     if present is not None:
         for c in range(table.shape[0]):
             margin = margin_at(margins, c)
-            if table[c, KIND] != CYLINDER:
+            if table[c, KIND] != CYLINDER or c == skip:
                 continue
             pose, side = poses[c], table[c, SIDE]
             size, half = table[c, SIZE], table[c, SIZE + 1]
@@ -225,6 +226,24 @@ def path_lengths(x, y, z, old, radius, lengths):
     for i in range(x.shape[0]):
         dx, dy, dz = x[i] - old[0, i], y[i] - old[1, i], z[i] - old[2, i]
         lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)
+
+
+@kernel
+def _clear_all(present, table, poses, skip, radius, margins, x, y, z, clear):
+    """Write how clear particles are of all colliders but one; negative: may touch."""
+    for i in range(clear.shape[0]):
+        clear[i] = 1.0
+    _clear_planes(present.planes, table, poses, skip, radius, margins, x, y, z, clear)
+    _clear_spheres(present.spheres, table, poses, skip, radius, margins, x, y, z, clear)
+    _clear_boxes(present.boxes, table, poses, skip, radius, margins, x, y, z, clear)
+    _clear_capsules(present.capsules, table, poses, skip, radius, margins, x, y, z, clear)
+    _clear_cylinders(present.cylinders, table, poses, skip, radius, margins, x, y, z, clear)
+
+
+@kernel
+def clear_of_others(present, table, poses, c, radius, x, y, z, clear):
+    """Write how clear particles are of all colliders but c, as in `find_touching`."""
+    _clear_all(present, table, poses, c, radius, None, x, y, z, clear)
 
 
 @kernel
@@ -253,13 +272,7 @@ def find_touching(present, table, poses, radius, margins, x, y, z, clear, touchi
         How many entries of `touching` are set.
 
     """
-    for i in range(clear.shape[0]):
-        clear[i] = 1.0
-    _clear_planes(present.planes, table, poses, radius, margins, x, y, z, clear)
-    _clear_spheres(present.spheres, table, poses, radius, margins, x, y, z, clear)
-    _clear_boxes(present.boxes, table, poses, radius, margins, x, y, z, clear)
-    _clear_capsules(present.capsules, table, poses, radius, margins, x, y, z, clear)
-    _clear_cylinders(present.cylinders, table, poses, radius, margins, x, y, z, clear)
+    _clear_all(present, table, poses, NONE, radius, margins, x, y, z, clear)
     count = 0
     for i in range(clear.shape[0]):
         touching[count] = i

@@ -25,8 +25,7 @@ from math import cos, sin
 
 from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.motion import END, SHIFT, START, TURN
-from collision_sim.core.trajectory import turned
-from collision_sim.core.vectors import add, cross, EPSILON, length, origin, subtract
+from collision_sim.core.vectors import add, cross, EPSILON, length, origin, subtract, turned
 import numpy as np
 
 # Columns: velocity [m/s], half the acceleration [m/s^2], a sixth of the jerk [m/s^3]; amplitude

@@ -22,10 +22,11 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
+from collision_sim.core.mesh_contact import depth_at, mesh_end
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
-from collision_sim.core.shapes import BOX, KIND, signed_distance, SIZE
+from collision_sim.core.shapes import BOX, KIND, MESH, signed_distance, SIZE
 from collision_sim.core.trajectory import first_hit, NEVER, path_velocity, relative_motion
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
                                         subtract)
@@ -38,6 +39,30 @@ def distance(rules, here, table, poses, row, c, point):
 
 
 @inlined
+def end_distance(meshes, rules, here, table, poses, c, x0, x1):
+    """
+    Signed distance [m] of the particle to a collider at the end of the step, and the normal there.
+
+    A mesh is met on the way there, too: it can be thinner than a step, and an open one has no
+    inside at all.
+    """
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            return mesh_end(meshes, table, poses, here.start, here.end, c, here.radius, x0, x1)
+    phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+    return phi - here.radius, n
+
+
+@inlined
+def _start_depth(meshes, rules, here, table, poses, c, x0):
+    """Depth [m] of the particle in a collider at the start of the step; negative outside."""
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            return depth_at(meshes, table, poses, here.start, c, here.radius, x0)
+    return -distance(rules, here, table, poses, here.start, c, x0)
+
+
+@inlined
 def rounding_depth(here, table, poses, c, x0):
     """Distance [m] to a collider at the start of the step that is only rounding."""
     return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])
@@ -46,7 +71,7 @@ def rounding_depth(here, table, poses, c, x0):
 @inlined
 def starts_inside(rules, here, table, poses, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
-    depth = -distance(rules, here, table, poses, here.start, c, x0)
+    depth = _start_depth(rules.present.meshes, rules, here, table, poses, c, x0)
     return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
 
 
@@ -73,10 +98,9 @@ def deepest(rules, here, table, poses, x0, x1):
     """
     c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
     for k in range(table.shape[0]):
-        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
         if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
-            c, phi = k, phi_k
-            n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+            c, phi, n = k, phi_k, n_k
     return c, phi, n
 
 
@@ -181,11 +205,10 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     touch, phi, inside, dt = NOTHING, 0.0, False, rules.flight.dt
     for k in range(table.shape[0]):
-        phi_k = distance(rules, here, table, poses, here.end, k, x1)
+        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
         if phi_k >= 0.0:
             continue
         inside = True
-        n = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
         depth = starts_inside(rules, here, table, poses, k, x0)
         n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi_k,
                                      n)
@@ -236,8 +259,8 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
     gain energy. A collider that it started inside of counts as hit at the start if it ends inside.
     """
-    end, n_end = signed_distance(rules.present, table, poses, here.end, k, x1)
-    arm, phi = subtract(x0, origin(poses, here.start, k)), end - here.radius
+    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
+    arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
     n, stays, touches = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi,
@@ -252,7 +275,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
                                      here.radius, x0, subtract(x1, x0))
     accounts[here.block, N_UNDECIDED] += not decided
-    if tau == 0.0 and end < here.radius and dot(n, n_end) > SAME_SIDE:
+    if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         n = n_end
     return tau, n, arm, stays and phi < 0.0, phi
 
@@ -316,7 +339,7 @@ def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
                 continue
             tau, n, arm, _ = first_hit(rules.present, table, poses, motion, here.step, here.start,
                                        k, here.radius, x0, dx)
-            n_end = signed_distance(rules.present, table, poses, here.end, k, x1)[1]
+            n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)
             if tau <= 1.0 and not slides and approach(dx, obj, n) < 0.0:

@@ -69,9 +69,21 @@ def respond(rules, table, c, v, obj, n, v_n, dv_n):
     stuck : bool
 
     """
+    tangential = slip_of(v, obj, n)
+    return respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, length(tangential))
+
+
+@inlined
+def slip_of(v, obj, n):
+    """Tangential velocity [m/s] relative to the material point."""
     relative = subtract(v, obj)
-    tangential = add_scaled(relative, -dot(relative, n), n)
-    factor = (dry_factor(rules.dry, table, c, length(tangential), dv_n)
+    return add_scaled(relative, -dot(relative, n), n)
+
+
+@inlined
+def respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, speed):
+    """Velocity after a change dv_n, as `respond`, for a tangential velocity of known size."""
+    factor = (dry_factor(rules.dry, table, c, speed, dv_n)
               * wet_factor(rules.wet, table, c, dv_n))
     if factor == 0.0:
         return add_scaled(obj, v_n + dv_n, n), True

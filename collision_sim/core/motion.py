@@ -144,6 +144,56 @@ def fill_turns(poses, motion):
             fill_turn(out)
 
 
+@formula
+def _fill_parts(poses, motion, finer, changes):
+    """Write the poses and twists of the parts of a step, for `subdivide`."""
+    parts = changes.shape[0]
+    for c in range(poses.shape[1]):
+        whole, turn = motion[0, c], motion[0, c, TURN:]
+        angle = sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+        for k in range(1, parts):
+            if angle > 0.0:
+                turn_about((turn[0] / angle, turn[1] / angle, turn[2] / angle),
+                           angle * k / parts, poses[0, c], finer[k, c])
+            for i in range(3):
+                finer[k, c, 9 + i] = poses[0, c, 9 + i] + whole[SHIFT + i] * k / parts
+        for k in range(parts):
+            for i in range(TWIST):
+                first, change = whole[START + i], whole[END + i] - whole[START + i]
+                changes[k, c, START + i] = first + change * k / parts
+                changes[k, c, END + i] = first + change * (k + 1) / parts
+            for i in range(3):
+                changes[k, c, TURN + i] = turn[i] / parts
+            changes[k, c, ESTIMATED] = whole[ESTIMATED]
+
+
+def subdivide(poses, motion, parts):
+    """
+    Divide a step of moving colliders into equal parts.
+
+    Parameters
+    ----------
+    poses, motion : (2, C, 12), (1, C, MOTION) float64
+        At the ends of the step, and within it.
+    parts : int
+        How many; 1 gives the step itself.
+
+    Returns
+    -------
+    poses, motion : (parts + 1, C, 12), (parts, C, MOTION) float64
+        On the screw between the two poses; the twists change evenly.
+
+    """
+    if parts == 1:
+        return poses, motion
+    finer = np.repeat(poses[:1], parts + 1, axis=0)
+    finer[-1] = poses[1]
+    changes = np.zeros((parts, *motion.shape[1:]))
+    _fill_parts(poses, motion, finer, changes)
+    fill_turns(finer, changes)
+    return finer, changes
+
+
 def chord_twists(positions, orientations, dt):
     """
     Constant twists that lead from each pose to the next.

@@ -54,7 +54,8 @@ class Rules(NamedTuple):
     present: the shapes; dry, wet: 1 if any collider has such friction; sweep: 1 if impacts are
     found along the path; checks: 1 if the method has a collision stage; passes: most passes of
     the contact stage; once: each collider at most once in turn (`single_pass`); share [-] and
-    highest [m/s]: the repulsion; second: 1 if contacts are of second order.
+    highest [m/s]: the repulsion; second: 1 if contacts are of second order; planes: 1 if particles
+    that touch a single plane are answered by planes.py.
     """
 
     flight: Flight
@@ -68,6 +69,7 @@ class Rules(NamedTuple):
     share: float
     highest: float
     second: Optional[int] = None
+    planes: Optional[int] = None
 
 
 class Here(NamedTuple):

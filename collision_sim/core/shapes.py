@@ -24,13 +24,15 @@ from math import inf
 from typing import NamedTuple, Optional
 
 from collision_sim.core.jit import formula, inlined
+from collision_sim.core.mesh import mesh_distance, Meshes
 from collision_sim.core.vectors import length, origin, rotate, rotate_back, subtract
 
-PLANE, SPHERE, BOX, CAPSULE, CYLINDER = range(5)
+PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 # Columns of the table of colliders: one of the above; +1, or -1 for `inside`; sizes as in scene.py
 # [m]; restitution; static, kinetic friction; wet friction [s/m]; one of laws.WET_FORMS.
 KIND, SIDE, SIZE, RESTITUTION, STATIC, KINETIC, WET, WET_FORM, COLUMNS = 0, 1, 2, 5, 6, 7, 8, 9, 10
-SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
+SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER,
+          'mesh': MESH}
 
 
 @formula
@@ -168,13 +170,14 @@ def cylinder(point, radius, half):
 
 
 class Present(NamedTuple):
-    """Which shapes the scene has: 1, or None for a shape that is then not compiled."""
+    """Which shapes the scene has: 1, or the meshes; None for a shape that is then not compiled."""
 
     planes: Optional[int]
     spheres: Optional[int]
     boxes: Optional[int]
     capsules: Optional[int]
     cylinders: Optional[int]
+    meshes: Optional[Meshes] = None
 
 
 @inlined
@@ -199,12 +202,22 @@ def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, siz
 
 
 @inlined
+def _distance_in_frame(meshes, present, table, c, point):
+    """Distance and normal in the frame of collider c, before its side is looked at."""
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            return mesh_distance(meshes, int(table[c, SIZE + 1]), point)
+    size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
+    return local_distance(
+        present.planes, present.spheres, present.boxes, present.capsules, present.cylinders,
+        table[c, KIND], point, size)
+
+
+@inlined
 def arm_distance(present, table, poses, s, c, arm):
     """Signed distance and normal of `signed_distance`, of a point less the collider's position."""
-    size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
-    distance, normal = local_distance(
-        present.planes, present.spheres, present.boxes, present.capsules, present.cylinders,
-        table[c, KIND], rotate_back(poses, s, c, arm), size)
+    distance, normal = _distance_in_frame(present.meshes, present, table, c,
+                                          rotate_back(poses, s, c, arm))
     side = table[c, SIDE]
     world = rotate(poses, s, c, normal)
     return side * distance, (side * world[0], side * world[1], side * world[2])
@@ -231,7 +244,8 @@ def signed_distance(present, table, poses, s, c, point):
     Returns
     -------
     distance : float [m]
-        Negative inside the solid; for `inside` colliders that is everything outside the shape.
+        Negative inside the solid; for `inside` colliders that is everything outside the shape. Of
+        an open mesh, which has no inside, the distance.
     normal : (3,) tuple of float [-]
         Unit, out of the solid.
 

@@ -22,6 +22,7 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 from collision_sim.core.blocks import find_touching, path_lengths, radius_at
 from collision_sim.core.candidates import book_free_flights, move_block
 from collision_sim.core.jit import kernel
+from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
@@ -29,7 +30,7 @@ from collision_sim.core.trajectory import sweep_margin
 from numba import njit
 import numpy as np
 
-BLOCK = 512             # particles; their scratch fits the first-level cache
+BLOCK = 256             # particles; their scratch fits the first-level cache
 PIECE = 4               # blocks that a thread claims at once
 FEW = 12                # blocks; for fewer a second thread costs more than it brings
 
@@ -56,8 +57,21 @@ def _touching(sweep, present, table, poses, motion, step, radius, old, x, y, z, 
 
 
 @kernel
+def _few_left(planes, ledger, candidates, rules, here, table, poses, motion, radius, log, accounts,
+              first, old, x, y, z, vx, vy, vz, chunk, clear, touching, count):
+    """Answer those that touch a single plane together, where that is all there is to do."""
+    if planes is not None:
+        if ledger is None:
+            if candidates is None:
+                return answer_planes(rules, here, table, poses, motion, radius, log, accounts,
+                                     first, old, x, y, z, vx, vy, vz, chunk, clear, touching,
+                                     count)
+    return count
+
+
+@kernel
 def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, ledger,
-               candidates, x, v, old, scratch, lengths, margins, touching):
+               candidates, x, v, old, scratch, lengths, margins, touching, chunk):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -77,6 +91,9 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
                           vy, vz)
         count = _touching(rules.sweep, rules.present, table, poses[end], motion, step, near, old,
                           px, py, pz, clear, lengths, margins, touching)
+        count = _few_left(rules.planes, ledger, candidates, rules, Here(
+            step, start, end, block, first, 0.0), table, poses, motion, near, log, accounts, first,
+            old, px, py, pz, vx, vy, vz, chunk, clear, touching, count)
         for k in range(count):
             j = touching[k]
             here = Here(step, start, end, block, first + j, radius_at(near, j))
@@ -120,7 +137,7 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
 
     """
     old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
-    margins = np.empty(table.shape[0])
+    margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
     touching = np.empty(BLOCK + 1, dtype=np.int64)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
@@ -128,6 +145,6 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
     while first < accounts.shape[0]:
         for block in range(first, min(first + PIECE, accounts.shape[0])):
             step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes,
-                       ledger, candidates, x, v, old, scratch, lengths, margins, touching)
+                       ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk)
         first = PIECE * fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -31,9 +31,9 @@ from collision_sim.core.courses import centre, material_velocity, spin_axis, spi
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, local_distance, PLANE, SIDE,
                                        SIZE)
-from collision_sim.core.trajectory import TOUCHING, turned
+from collision_sim.core.trajectory import TOUCHING
 from collision_sim.core.vectors import (dot, largest, length, origin, rotate, rotate_back,
-                                        subtract)
+                                        subtract, turned)
 
 FACES = 8               # room for the faces of a collider
 

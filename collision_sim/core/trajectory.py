@@ -27,14 +27,15 @@ as a bound on f says that it is positive:
   the only way out; when it turns, the path stays within a known distance of its chords.
 """
 
-from math import inf, sin, sqrt
+from math import inf, sqrt
 
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.mesh_contact import mesh_hit
 from collision_sim.core.motion import SHIFT, TURN
-from collision_sim.core.shapes import (arm_distance, BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE,
-                                       SIZE, SPHERE)
+from collision_sim.core.shapes import (arm_distance, BOX, CAPSULE, CYLINDER, KIND, MESH, PLANE,
+                                       SIDE, SIZE, SPHERE)
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
-                                        origin, subtract)
+                                        origin, subtract, turned)
 
 NEVER = 2.0                 # a time of impact after the end of the step
 QUERIES = 2000              # most evaluations of f before a query is given up as undecided
@@ -62,14 +63,6 @@ def relative_motion(motion, step, c, dx):
         axis = (turn[0] / angle, turn[1] / angle, turn[2] / angle) if angle > 0.0 else zero
         return subtract(dx, shift), axis, angle
     return dx, zero, 0.0
-
-
-@inlined
-def turned(axis, angle, a):
-    """Turn vector a about a unit axis, by Rodrigues' formula."""
-    first = cross(axis, a)
-    return add_scaled(add_scaled(a, sin(angle), first), 2.0 * sin(0.5 * angle) ** 2,
-                      cross(axis, first))
 
 
 @kernel
@@ -212,6 +205,15 @@ def _turns_in_itself(table, poses, row, c, axis):
     return largest(cross(axis, z)) <= TOUCHING
 
 
+@inlined
+def _hits_mesh(meshes, table, poses, row, c, radius, arm, move, axis, angle):
+    """Whether a collider is a mesh, and the time and the normal of the first hit then."""
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            return True, *mesh_hit(meshes, table, poses, row, c, radius, arm, move, axis, angle)
+    return False, NEVER, (0.0, 0.0, 1.0)
+
+
 @kernel
 def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
     """
@@ -247,6 +249,10 @@ def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
         angle = 0.0
     arm = subtract(x0, origin(poses, row, c))
     reach = max(length(arm), length(add_scaled(arm, 1.0, move)))
+    is_mesh, tau, n = _hits_mesh(present.meshes, table, poses, row, c, radius, arm, move, axis,
+                                 angle)
+    if is_mesh:
+        return tau, n, add_scaled(arm, tau, move), True
     touching = TOUCHING * (largest(x0) + largest(origin(poses, row, c)) + table[c, SIZE] + radius)
     if table[c, SIDE] > 0.0:
         tau, n, decided = _from_outside(present, table, poses, row, c, radius, arm, move, axis,

@@ -20,9 +20,9 @@ view of its row, no reference count: kernels take tables whole and index them. A
 numbers, the rotation matrix in row order and then the position.
 """
 
-from math import inf, sqrt
+from math import inf, sin, sqrt
 
-from collision_sim.core.jit import formula
+from collision_sim.core.jit import formula, inlined
 
 EPSILON = 2.0 ** -52            # distance from 1.0 to the next float64
 LARGE_SQUARE = 1e290            # beyond these a sum of squares is scaled first
@@ -82,6 +82,14 @@ def length(a):
         return scale
     b = (a[0] / scale, a[1] / scale, a[2] / scale)
     return scale * sqrt(dot(b, b))
+
+
+@inlined
+def turned(axis, angle, a):
+    """Turn vector a about a unit axis, by Rodrigues' formula."""
+    first = cross(axis, a)
+    return add_scaled(add_scaled(a, sin(angle), first), 2.0 * sin(0.5 * angle) ** 2,
+                      cross(axis, first))
 
 
 @formula

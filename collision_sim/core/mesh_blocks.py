@@ -1,0 +1,110 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Which particles of a block may touch a mesh on their way: those that meet one of its triangles.
+
+First the box of the way against that of the mesh, the same for all particles and branch-free, then
+the cells of the grid, then the tree.
+"""
+
+from collision_sim.core.jit import kernel
+from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
+from collision_sim.core.mesh_cells import (box_label, BOX_HIGH, BOX_LOW, FIRST_NODE, INSIDE,
+                                           LAST_NODE, OUTSIDE)
+from collision_sim.core.mesh_contact import mesh_of, side_of, skin_of, to_frame
+from collision_sim.core.mesh_path import meet
+from collision_sim.core.shapes import KIND, MESH
+from collision_sim.core.trajectory import relative_motion
+from collision_sim.core.vectors import length, origin, subtract
+
+
+@kernel
+def _radius_at(radius, i):
+    if radius is not None:
+        return radius[i]
+    return 0.0
+
+
+@kernel
+def _coordinate(poses, row, c, k, x, y, z):
+    """Coordinate k of a point in the frame of collider c."""
+    return (poses[row, c, k] * (x - poses[row, c, 9]) + poses[row, c, 3 + k] * (
+        y - poses[row, c, 10]) + poses[row, c, 6 + k] * (z - poses[row, c, 11]))
+
+
+@kernel
+def _near_box(heads, m, poses, start, end, c, radius, margin, old, x, y, z, near):
+    """Write to near (B,) how far the box of each way is from that of a mesh; negative: it meets."""
+    for i in range(x.shape[0]):
+        near[i] = -1.0
+    for k in range(3):
+        low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
+        for i in range(x.shape[0]):
+            a = _coordinate(poses, start, c, k, old[0, i], old[1, i], old[2, i])
+            b = _coordinate(poses, end, c, k, x[i], y[i], z[i])
+            r = _radius_at(radius, i)
+            least, most = (a if a < b else b) - r, (a if a > b else b) + r
+            near[i] = near[i] if least <= high and most >= low else 1.0
+
+
+@kernel
+def _sagitta(sweep, motion, step, c, arm, dx):
+    """Most that the path of a particle leaves its chord by, as a turning mesh sees it [m]."""
+    if sweep is not None:
+        move, _, angle = relative_motion(motion, step, c, dx)
+        return 0.125 * angle * (2.0 * length(move) + angle * (length(arm) + length(move)))
+    return 0.0
+
+
+@kernel
+def _meets_leaf(meshes, m, low, high):
+    """Whether a box meets the box of a leaf."""
+    nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
+    while i < last:
+        if apart(nodes, i, low, high):
+            i = after(nodes, i)
+        elif nodes[i, COUNT] > 0.0:
+            return True
+        else:
+            i += 1
+    return False
+
+
+@kernel
+def _touches(meshes, m, side, a, b, radius, skin, sagitta):
+    """Whether a particle meets a mesh on its way from a to b, or ends inside it."""
+    low, high = box_of(a, b, radius + skin + sagitta)
+    label = box_label(meshes.heads, meshes.cells, m, low, high)
+    if label == OUTSIDE or label == INSIDE:
+        return side != 0.0 and (label == INSIDE) == (side > 0.0)
+    if sagitta > 0.0:
+        if _meets_leaf(meshes, m, low, high):
+            return True
+    elif meet(meshes, m, side, a, b, radius, skin)[0] <= 1.0:
+        return True
+    return side != 0.0 and is_inside(meshes, m, b) == (side > 0.0)
+
+
+@kernel
+def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, old, x, y, z,
+                clear, near):
+    """Lower `clear` below 0 for the particles of a block that may touch mesh c."""
+    m, side = mesh_of(table, c), side_of(meshes, table, c)
+    skin = skin_of(meshes, table, poses, start, end, c)
+    margin = skin if side >= 0.0 else inf
+    if sweep is not None and motion is not None:
+        margin = inf if length((motion[step, c, TURN], 0.0, 0.0)) > 0.0 else margin
+    _near_box(meshes.heads, m, poses, start, end, c, radius, margin, old, x, y, z, near)

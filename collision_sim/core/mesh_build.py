@@ -1,0 +1,284 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The arrays of mesh.Meshes from corners and faces: normals of the features, tree, cells.
+
+Done once when a simulation starts, with faces that mesh_files.py has checked.
+"""
+
+from collision_sim.core.jit import kernel, law
+from collision_sim.core.mesh import (CORNER, COUNT, EDGE, FEATURES, is_in_front, Meshes,
+                                     nearest_of_all, NEXT, NORMAL, TRIANGLE, VERTEX)
+from collision_sim.core.mesh_cells import (BOX_HIGH, BOX_LOW, cell_index, CELLS, centre_of, CLOSED,
+                                           EDGE_LENGTH, EXTENT, FIRST_CELL, FIRST_NODE, GRID_LOW,
+                                           HEAD, INSIDE, LAST_NODE, NEAR_INSIDE, NEAR_OUTSIDE,
+                                           OUTSIDE)
+from collision_sim.core.mesh_tree import tree
+import numpy as np
+
+FLAT = 1e-9             # rad between the normals of neighbours in one flat surface
+CELLS_PER_TRIANGLE, FEWEST_CELLS, MOST_CELLS = 64, 2 ** 12, 2 ** 20
+UNKNOWN = 255           # label of a cell that is not done yet
+SHIFT = 0.6180339887498949      # of the grid, in cells, so that faces miss the centres of cells
+
+
+def mesh_arrays(vertices, faces, closed):
+    """
+    Build the arrays of one mesh.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64 [m]
+        All different.
+    faces : (T, 3) int64
+        Triangles that have an area; of a closed mesh with their corners turning left as seen from
+        outside.
+    closed : bool
+
+    Returns
+    -------
+    meshes : mesh.Meshes
+        With one head.
+
+    """
+    corners = vertices[faces]
+    order, nodes = tree(corners.min(axis=1).T.copy(), corners.max(axis=1).T.copy())
+    faces, corners = faces[order], corners[order]
+    normals, areas = face_normals(corners)
+    edges, whole = matched_edges(faces)
+    patches = flat_patches(edges, whole, normals)
+    normals = patch_normals(patches, normals, areas)
+    triangles = np.empty((len(faces), TRIANGLE))
+    triangles[:, CORNER:NORMAL] = corners.reshape(-1, 9)
+    triangles[:, NORMAL:] = normals
+    features = np.empty((len(faces), FEATURES), dtype=np.float32)
+    features[:, :9] = edge_normals(edges, whole, normals).reshape(-1, 9)
+    features[:, 9:] = vertex_normals(faces, corners, whole, normals).reshape(-1, 9)
+    head = _head(vertices, closed, len(nodes), len(faces))
+    cells = np.full(int(head[CELLS:FIRST_CELL].prod()), UNKNOWN, dtype=np.uint8)
+    meshes = Meshes(head[None], nodes, triangles, features,
+                    sharp_features(edges, faces, whole, patches), cells)
+    label_cells(meshes, closed)
+    return meshes
+
+
+def joined(parts):
+    """Give meshes, each by itself, as one mesh.Meshes."""
+    heads = np.concatenate([part.heads for part in parts])
+    nodes = np.concatenate([part.nodes for part in parts])
+    sizes = np.array([[len(part.nodes), len(part.triangles), len(part.cells)] for part in parts])
+    starts = np.cumsum(sizes, axis=0) - sizes
+    heads[:, FIRST_NODE] += starts[:, 0]
+    heads[:, LAST_NODE] += starts[:, 0]
+    heads[:, FIRST_CELL] += starts[:, 2]
+    leaf = nodes[:, COUNT] > 0.0
+    nodes[:, NEXT] += np.where(leaf, *np.repeat(starts[:, [1, 0]], sizes[:, 0], axis=0).T)
+    return Meshes(heads, nodes, *(np.concatenate(arrays) for arrays in list(zip(*parts))[2:]))
+
+
+def face_normals(corners):
+    """Unit normals (T, 3) and areas (T,) [m^2] of triangles (T, 3, 3)."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.sqrt(np.square(cross).sum(axis=1))
+    return cross / size[:, None], 0.5 * size
+
+
+def matched_edges(faces):
+    """
+    Edges of faces (T, 3): the number of each, and whether two faces share it, once in each sense.
+
+    Returns
+    -------
+    edges : (T, 3) int64
+    whole : (T, 3) bool
+
+    """
+    start, end = faces, np.roll(faces, -1, axis=1)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    _, edges = np.unique(low * (faces.max() + 1) + high, return_inverse=True)
+    edges = edges.reshape(faces.shape)
+    count = np.bincount(edges.ravel())
+    balance = np.bincount(edges.ravel(), weights=np.where(start < end, 1, -1).ravel())
+    return edges, ((count == 2) & (balance == 0))[edges]
+
+
+@law
+def flat_patches(edges, whole, normals):
+    """Give triangles of the same flat surface, across whole edges, the same number, (T,)."""
+    last = np.full(edges.max() + 1, -1)
+    patches = np.arange(len(edges))
+    for t in range(len(edges)):
+        for k in range(3):
+            edge, other = edges[t, k], last[edges[t, k]]
+            last[edge] = t
+            if other < 0 or not whole[t, k]:
+                continue
+            a, b = normals[t], normals[other]
+            turn = np.sqrt((a[1] * b[2] - a[2] * b[1]) ** 2 + (a[2] * b[0] - a[0] * b[2]) ** 2
+                           + (a[0] * b[1] - a[1] * b[0]) ** 2)
+            if turn < FLAT and a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > 0.0:
+                one, two = _root(patches, t), _root(patches, other)
+                patches[max(one, two)] = min(one, two)
+    for t in range(len(edges)):
+        patches[t] = _root(patches, t)
+    return patches
+
+
+@kernel
+def _root(patches, t):
+    while patches[t] != t:
+        patches[t] = patches[patches[t]]
+        t = patches[t]
+    return t
+
+
+def _sums(groups, count, values):
+    """Sum values (..., 3) over equal numbers in groups (...), (count, 3)."""
+    flat = values.reshape(-1, 3)
+    return np.stack([np.bincount(groups.ravel(), flat[:, k], count) for k in range(3)], axis=1)
+
+
+def patch_normals(patches, normals, areas):
+    """Give all triangles of a flat surface the same unit normal, to the last bit."""
+    alone = np.bincount(patches, minlength=len(patches))[patches] == 1
+    sums = _sums(patches, len(patches), areas[:, None] * normals)[patches]
+    same = np.all(normals == normals[patches], axis=1)
+    kept = alone | (np.bincount(patches, ~same, len(patches))[patches] == 0)
+    sizes = np.sqrt(np.square(sums).sum(axis=1, keepdims=True))
+    return np.where(kept[:, None], normals, sums / sizes)
+
+
+def edge_normals(edges, whole, normals):
+    """Sums of the normals of the two faces at each edge, (T, 3, 3); 0 where that is not two."""
+    sums = _sums(edges, edges.max() + 1, np.repeat(normals[:, None], 3, axis=1))
+    return np.where(whole[..., None], sums[edges], 0.0)
+
+
+def vertex_normals(faces, corners, whole, normals):
+    """Sums of the normals at each corner, weighted by angle, (T, 3, 3); 0 on a rim."""
+    on, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    angle = np.arctan2(np.sqrt(np.square(np.cross(on, back)).sum(axis=2)), (on * back).sum(axis=2))
+    sums = _sums(faces, faces.max() + 1, angle[..., None] * normals[:, None])
+    return np.where(on_rim(faces, whole)[faces][..., None], 0.0, sums[faces])
+
+
+def on_rim(faces, whole):
+    """Whether each vertex (V,) is the end of an edge that is not whole."""
+    rim = np.zeros(faces.max() + 1, dtype=bool)
+    rim[faces[~whole]] = True
+    rim[np.roll(faces, -1, axis=1)[~whole]] = True
+    return rim
+
+
+def sharp_features(edges, faces, whole, patches):
+    """Bit f - 1 of (T,) uint8 for each feature f that is no part of a flat surface."""
+    bits = np.zeros(len(faces), dtype=np.uint8)
+    for groups, torn, feature in ((edges, ~whole, EDGE),
+                                  (faces, on_rim(faces, whole)[faces], VERTEX)):
+        least, most = np.full(groups.max() + 1, len(faces)), np.full(groups.max() + 1, -1)
+        np.minimum.at(least, groups, patches[:, None])
+        np.maximum.at(most, groups, patches[:, None])
+        sharp = torn | (least < most)[groups]
+        for k in range(3):
+            bits |= sharp[:, k].astype(np.uint8) << np.uint8(feature - EDGE + k)
+    return bits
+
+
+def _head(vertices, closed, nodes, count):
+    """Row of the heads of a mesh by itself."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    h, cells = _grid(high - low, min(max(CELLS_PER_TRIANGLE * count, FEWEST_CELLS), MOST_CELLS))
+    head = np.zeros(HEAD)
+    head[LAST_NODE], head[CLOSED] = nodes, closed
+    head[EXTENT] = np.sqrt(np.square(vertices).sum(axis=1).max())
+    head[BOX_LOW:BOX_HIGH], head[BOX_HIGH:GRID_LOW] = low, high
+    head[GRID_LOW:EDGE_LENGTH] = low - (1.0 + SHIFT) * h
+    head[EDGE_LENGTH], head[CELLS:FIRST_CELL] = h, cells
+    return head
+
+
+def _grid(extent, most):
+    """Edge length of cells [m] and how many there are along each axis: at most so many in all."""
+    fine, coarse = extent.max() / most, extent.max()
+    for _ in range(64):
+        h = np.sqrt(fine * coarse)
+        fits = np.prod(np.ceil(extent / h) + 3.0) <= most
+        fine, coarse = (fine, h) if fits else (h, coarse)
+    return coarse, np.ceil(extent / coarse) + 3.0
+
+
+@law
+def label_cells(meshes, closed):
+    """Write the labels of the cells of a mesh by itself; all are UNKNOWN before."""
+    heads, cells = meshes.heads, meshes.cells
+    dims = (int(heads[0, CELLS]), int(heads[0, CELLS + 1]), int(heads[0, CELLS + 2]))
+    span = np.empty((2, 3), dtype=np.int64)
+    for t in range(len(meshes.triangles)):
+        _mark_near(heads, cells, meshes.triangles, t, span)
+    todo = np.empty(len(cells), dtype=np.int64)
+    _fill(cells, dims, todo, 0, OUTSIDE)
+    for g in range(len(cells)):
+        if cells[g] == UNKNOWN:
+            _fill(cells, dims, todo, g, INSIDE if closed and _is_within(meshes, dims, g)
+                  else OUTSIDE)
+        elif cells[g] == NEAR_OUTSIDE and closed and _is_within(meshes, dims, g):
+            cells[g] = NEAR_INSIDE
+
+
+@kernel
+def _mark_near(heads, cells, triangles, t, span):
+    """Label the cells that triangle t may come into: its box, and its plane, meet them."""
+    h = heads[0, EDGE_LENGTH]
+    for k in range(3):
+        a, b, c = triangles[t, k], triangles[t, 3 + k], triangles[t, 6 + k]
+        span[0, k] = int((min(a, min(b, c)) - heads[0, GRID_LOW + k]) / h - FLAT)
+        span[1, k] = int((max(a, max(b, c)) - heads[0, GRID_LOW + k]) / h + FLAT)
+    n = (triangles[t, NORMAL], triangles[t, NORMAL + 1], triangles[t, NORMAL + 2])
+    reach = (0.5 + FLAT) * h * (abs(n[0]) + abs(n[1]) + abs(n[2]))
+    for i in range(span[0, 0], span[1, 0] + 1):
+        for j in range(span[0, 1], span[1, 1] + 1):
+            for k in range(span[0, 2], span[1, 2] + 1):
+                p = centre_of(heads, 0, i, j, k)
+                away = (n[0] * (p[0] - triangles[t, 0]) + n[1] * (p[1] - triangles[t, 1])
+                        + n[2] * (p[2] - triangles[t, 2]))
+                if abs(away) <= reach:
+                    cells[cell_index(heads, 0, i, j, k)] = NEAR_OUTSIDE
+
+
+@kernel
+def _fill(cells, dims, todo, seed, label):
+    """Label all UNKNOWN cells that hang together with a seed."""
+    todo[0], top, cells[seed] = seed, 1, label
+    while top > 0:
+        top -= 1
+        g = todo[top]
+        place = (g // (dims[1] * dims[2]), g // dims[2] % dims[1], g % dims[2])
+        stride = (dims[1] * dims[2], dims[2], 1)
+        for axis in range(3):
+            for way in (-1, 1):
+                other = g + way * stride[axis]
+                if 0 <= place[axis] + way < dims[axis] and cells[other] == UNKNOWN:
+                    cells[other] = label
+                    todo[top] = other
+                    top += 1
+
+
+@kernel
+def _is_within(meshes, dims, g):
+    """Whether the centre of cell g is inside a closed mesh."""
+    p = centre_of(meshes.heads, 0, g // (dims[1] * dims[2]), g // dims[2] % dims[1], g % dims[2])
+    d, t, feature, q = nearest_of_all(meshes, 0, p)
+    return not is_in_front(meshes, t, feature, q, p)

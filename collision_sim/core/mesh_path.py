@@ -1,0 +1,201 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Where a particle on its way from a to b, straight in the frame of a mesh, meets the mesh.
+
+A particle keeps a distance of its radius and a skin, some roundings wide, so that the side it is
+on is known at every start: the mesh itself has no thickness. It meets a triangle when its surface
+does so (at a face, at the round of an edge or of a corner), when its centre crosses the triangle,
+which no rounding can hide (mesh_rays.py), or when it ends nearer than the skin. At the start a
+particle that is on the surface, to rounding, is on the outer side of a closed mesh, and in front
+of an open one.
+"""
+
+from math import sqrt
+
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.mesh import (after, apart, box_of, corner, COUNT, EDGE, FACE, face_normal,
+                                     height_over, HIGH, LOW, nearest_on_triangle, NEXT,
+                                     triangle_distance, VERTEX)
+from collision_sim.core.mesh_cells import FIRST_NODE, LAST_NODE
+from collision_sim.core.mesh_rays import line_through, pierces
+from collision_sim.core.vectors import add_scaled, dot, EPSILON, length, scaled, subtract
+
+SKIN = 24.0 * EPSILON       # relative to how far from the origin of the world a mesh reaches
+ON = 0.25                   # share of the skin within which a particle is on the surface
+UNMET = 2.0                 # a time after the end of the way
+
+
+@inlined
+def _time_to_round(m, w, rho):
+    """First time from 0 on at which |m + t w| falls to rho; UNMET if it does not approach it."""
+    a, b, c = dot(w, w), dot(m, w), dot(m, m) - rho * rho
+    root = b * b - a * c
+    if b >= 0.0 or root < 0.0:
+        return UNMET
+    return max(c / (sqrt(root) - b), 0.0)
+
+
+@inlined
+def _meets_edge(a, dx, c, d, rho):
+    """Time at which a ball meets the edge from c to d between its ends, and the point of it."""
+    along, arm = subtract(d, c), subtract(a, c)
+    square = dot(along, along)
+    s, ds = dot(arm, along) / square, dot(dx, along) / square
+    t = _time_to_round(add_scaled(arm, -s, along), add_scaled(dx, -ds, along), rho)
+    s += t * ds
+    return (t if 0.0 <= s <= 1.0 else UNMET), add_scaled(c, s, along)
+
+
+@kernel
+def _meets_rounds(triangles, sharp, t, a, dx, rho):
+    """First time at which a ball meets a sharp edge or corner of a triangle, and where that is."""
+    first, q = UNMET, a
+    for k in range(3):
+        c, d = corner(triangles, t, k), corner(triangles, t, (k + 1) % 3)
+        if sharp[t] >> k & 1:
+            time, point = _meets_edge(a, dx, c, d, rho)
+            if time < first:
+                first, q = time, point
+        if sharp[t] >> (VERTEX - EDGE + k) & 1:
+            time = _time_to_round(subtract(a, c), dx, rho)
+            if time < first:
+                first, q = time, c
+    return first, q
+
+
+@inlined
+def _meets_face(triangles, t, a, dx, time):
+    """Whether the foot of the perpendicular from the ball at a time lies in the triangle."""
+    return nearest_on_triangle(triangles, t, add_scaled(a, time, dx))[1] == FACE
+
+
+@kernel
+def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
+    """
+    Where a particle on the way from a to b meets a triangle.
+
+    Parameters
+    ----------
+    meshes, t
+        Meshes, and which triangle.
+    line
+        Through a along dx, of mesh_rays.line_through.
+    a, b, dx : (3,) tuple of float [m]
+        Way in the frame of the mesh, dx from a to b.
+    side : float
+        1 if the particle can only come from in front of the triangle, -1 from behind, 0 from both.
+    radius, skin : float [m]
+
+    Returns
+    -------
+    tau : float [-]
+        From 0 to 1, or UNMET.
+    phi : float [m]
+        Signed distance at b from the plane at which the particle was met; negative.
+    n : (3,) tuple of float [-]
+        Normal of that plane.
+    crosses : bool
+        Whether the centre crosses the triangle.
+
+    """
+    triangles, rho = meshes.triangles, radius + skin
+    ha, hb, n = height_over(triangles, t, a), height_over(triangles, t, b), (0.0, 0.0, 1.0)
+    if min(abs(ha), abs(hb)) > rho and ha * hb > 0.0:
+        return UNMET, 0.0, n, False
+    if abs(ha) <= ON * skin and triangle_distance(triangles, t, a)[0] <= ON * skin:
+        ha = skin if side >= 0.0 else -skin
+    s = 1.0 if ha >= 0.0 else -1.0
+    if s * side < 0.0:
+        return UNMET, 0.0, n, False
+    n, ha, hb = scaled(s, face_normal(triangles, t)), s * ha, s * hb
+    tau = max((ha - rho) / (ha - hb), 0.0) if hb < ha else UNMET
+    if hb < 0.0 and pierces(line, triangles, t)[0]:
+        return min(tau, 1.0), hb - rho, n, True
+    if radius > 0.0:
+        if hb < rho and tau <= 1.0 and _meets_face(triangles, t, a, dx, tau):
+            return tau, hb - rho, n, False
+        tau, q = _meets_rounds(triangles, meshes.sharp, t, a, dx, rho)
+        if tau <= 1.0:
+            there = add_scaled(a, tau, dx)
+            away = subtract(there, q)
+            n = scaled(1.0 / length(away), away)
+            return tau, dot(n, subtract(b, there)), n, False
+    d, q, feature = triangle_distance(triangles, t, b)
+    if d < rho:
+        if feature != FACE and radius > 0.0:
+            n = scaled(1.0 / d, subtract(b, q))
+        return 1.0, d - rho, n, False
+    return UNMET, 0.0, n, False
+
+
+@inlined
+def _is_beside(r, w, h, k, j, margin):
+    """Whether a segment and a box are apart along the axis w x e, e across k and j."""
+    return abs(r[k] * w[j] - r[j] * w[k]) > (
+        (h[k] + margin) * abs(w[j]) + (h[j] + margin) * abs(w[k]))
+
+
+@inlined
+def _passes_by(nodes, i, middle, half, margin):
+    """Whether a segment, middle +- half, passes by the box of a node widened by a margin."""
+    low, high = ((nodes[i, LOW], nodes[i, LOW + 1], nodes[i, LOW + 2]),
+                 (nodes[i, HIGH], nodes[i, HIGH + 1], nodes[i, HIGH + 2]))
+    h = scaled(0.5, subtract(high, low))
+    r = subtract(middle, add_scaled(low, 1.0, h))
+    return (_is_beside(r, half, h, 0, 1, margin) or _is_beside(r, half, h, 1, 2, margin)
+            or _is_beside(r, half, h, 2, 0, margin))
+
+
+@kernel
+def meet(meshes, m, side, a, b, radius, skin):
+    """
+    First triangle of a mesh that a particle on the way from a to b meets.
+
+    Parameters
+    ----------
+    meshes : mesh.Meshes
+        Of the scene.
+    m : int
+        Which mesh.
+    side, a, b, radius, skin
+        As in `meet_triangle`.
+
+    Returns
+    -------
+    tau, phi, n
+        As from `meet_triangle`; of triangles met at the same time the one that is passed deepest.
+    crossings : int
+        How many triangles the centre crosses.
+
+    """
+    nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
+    first, phi, n, crossings, dx = UNMET, 0.0, (0.0, 0.0, 1.0), 0, subtract(b, a)
+    line, (low, high) = line_through(a, dx), box_of(a, b, radius + skin)
+    middle, half = add_scaled(a, 0.5, dx), scaled(0.5, dx)
+    while i < last:
+        if apart(nodes, i, low, high) or _passes_by(nodes, i, middle, half, radius + skin):
+            i = after(nodes, i)
+            continue
+        start = int(nodes[i, NEXT])
+        for t in range(start, start + int(nodes[i, COUNT])):
+            tau_t, phi_t, n_t, crosses = meet_triangle(meshes, t, line, a, b, dx, side, radius,
+                                                       skin)
+            crossings += crosses
+            if tau_t < first or (tau_t == first and phi_t < phi):
+                first, phi, n = tau_t, phi_t, n_t
+        i += 1
+    return first, phi, n, crossings

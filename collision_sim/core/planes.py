@@ -1,0 +1,297 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Particles of a block that touch one plane and nothing else, answered many at a time.
+
+Most contacts are of that kind. This is response.resolve for them without its loops: the same
+formulae in the same order, so both agree to the last bit, over a chunk of particles at a time, of
+which LLVM makes vector instructions. Who is not settled after one collision and one contact is
+left to `resolve`.
+"""
+
+from math import sqrt
+
+from collision_sim.core.blocks import clear_of_others, radius_at
+from collision_sim.core.detection import approach
+from collision_sim.core.flight import fly
+from collision_sim.core.impulses import respond_to_slip, slip_of
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.laws import normal_impulse
+from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
+from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_LOGGED, NORMAL,
+                                      POINT, PUSHES, ROUNDING, SLIDE, STICK)
+from collision_sim.core.shapes import KIND, PLANE, RESTITUTION
+from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, LARGE_SQUARE, largest,
+                                        origin, SMALL_SQUARE, subtract)
+
+CHUNK = 64                  # particles answered at a time
+# Rows of the scratch, CHUNK numbers each; one flat array, so that LLVM knows what may overlap:
+# place and velocity, which particle, its radius; candidate; where it touched, change of velocity,
+# normal velocity of the collision; what happened.
+PLACE, VELOCITY, WHICH, RADIUS, BETWEEN, TOUCHED, CHANGED = 0, 3, 6, 7, 8, 11, 14
+SPEED, DONE, ROWS = 17, 18, 19
+LEFT, HIT, PRESSED, STUCK = -1.0, 1.0, 2.0, 4.0     # left to `resolve`, or a sum of the others
+
+
+@inlined
+def _height(poses, s, c, x):
+    """Signed distance [m] of a point to a plane, as shapes.signed_distance gives it."""
+    a = subtract(x, origin(poses, s, c))
+    return poses[s, c, 2] * a[0] + poses[s, c, 5] * a[1] + poses[s, c, 8] * a[2]
+
+
+@inlined
+def _respond(rules, table, c, v, obj, n, v_n, dv_n):
+    """Respond as impulses.respond, and say whether the size of the slip needs no scaling."""
+    slip = slip_of(v, obj, n)
+    square = dot(slip, slip)
+    plain = square == 0.0 or SMALL_SQUARE < square < LARGE_SQUARE
+    after, stuck = respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, slip, sqrt(square))
+    return after, stuck, plain
+
+
+@inlined
+def _end_change(motion, step, c, w_n, most, touched):
+    """Change of the normal velocity at the end, as response.py limits it."""
+    if motion is not None:
+        if motion[step, c, ESTIMATED] > 0.0 and touched:
+            return min(-w_n, most)
+    return -w_n
+
+
+@inlined
+def _pushed(poses, end, c, radius, n, x, k):
+    """Place after push number k of placing.push_out, and whether that was a short one."""
+    phi = _height(poses, end, c, x) - radius
+    rounding = EPSILON * (largest(x) + largest(origin(poses, end, c)) + radius)
+    if phi < 0.0:
+        return add_scaled(x, (k * rounding - phi) / dot(n, n), n), -phi < (PUSHES - 2) * rounding
+    return x, True
+
+
+@kernel
+def _read(s, row, i):
+    """Vector of particle i of a chunk, from three rows of the scratch."""
+    return (s[row * CHUNK + i], s[(row + 1) * CHUNK + i], s[(row + 2) * CHUNK + i])
+
+
+@kernel
+def _write(s, row, i, a):
+    """Write a vector of particle i of a chunk to three rows of the scratch."""
+    s[row * CHUNK + i], s[(row + 1) * CHUNK + i], s[(row + 2) * CHUNK + i] = a
+
+
+@inlined
+def _approach(poses, motion, step, start, end, c, x0, v0):
+    """Give the normal velocity [m/s] of a collision on v0, 0 without one; and that of the plane."""
+    n = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8])
+    obj = point_velocity(motion, poses, step, START, start, c, x0)
+    return approach(v0, obj, n), obj, n
+
+
+@kernel
+def _find_hits(poses, motion, step, start, end, c, s, count):
+    """Write the normal velocity of the collisions of a chunk; how many there are."""
+    hits = 0
+    for i in range(count):
+        v_n, _, _ = _approach(poses, motion, step, start, end, c, _read(s, PLACE, i),
+                              _read(s, VELOCITY, i))
+        s[SPEED * CHUNK + i], s[DONE * CHUNK + i] = v_n, PRESSED
+        hits += v_n < 0.0
+    return hits
+
+
+@kernel
+def _collide(rules, table, poses, motion, step, start, end, c, s, count):
+    """Collision stage of a chunk; the new candidates, and where the old ones touched."""
+    for i in range(count):
+        x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]
+        v_n, obj, n = _approach(poses, motion, step, start, end, c, x0, v0)
+        after, _, plain = _respond(rules, table, c, v0, obj, n, v_n,
+                                   normal_impulse(v_n, table[c, RESTITUTION]))
+        hit, x1 = v_n < 0.0, _read(s, BETWEEN, i)
+        touched = add_scaled(x1, -(_height(poses, end, c, x1) - r), n)
+        between = add_scaled(x0, rules.flight.dt, fly(rules.flight, after)[0])
+        settled = not hit or approach(after, obj, n) == 0.0
+        inside = not hit or _height(poses, end, c, between) - r < 0.0
+        done = (HIT if hit else 0.0) + (PRESSED if inside else 0.0)
+        s[DONE * CHUNK + i] = done if plain and (settled or not inside) else LEFT
+        _write(s, CHANGED, i, subtract(after, v0))
+        _write(s, TOUCHED, i, touched)
+        _write(s, BETWEEN, i, between if hit else x1)
+        _write(s, VELOCITY, i, after if hit else v0)
+
+
+@kernel
+def _press(rules, table, poses, motion, step, start, end, c, s, count):
+    """Contact stage of a chunk, for those inside; places and velocities at the end."""
+    n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
+    for i in range(count):
+        x0, v, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]
+        hit, done = s[SPEED * CHUNK + i] < 0.0, s[DONE * CHUNK + i]
+        gap = _height(poses, start, c, x0) - r
+        rounding = ROUNDING * (largest(x0) + largest(origin(poses, start, c)))
+        u, w = fly(rules.flight, v)
+        chord = chord_velocity(motion, poses, step, start, c, x0, dt)
+        u_n = approach(u, chord, n)
+        u2, stuck, plain = _respond(rules, table, c, u, chord, n, u_n, 0.0 - u_n)
+        x2, du = add_scaled(x0, dt, u2), subtract(u2, u)
+        obj = point_velocity(motion, poses, step, END, end, c, x2)
+        w_n = approach(w, obj, n)
+        dw_n = _end_change(motion, step, c, w_n, 2.0 * dot(du, n), not hit and gap <= rounding)
+        slowed, _, plainer = _respond(rules, table, c, w, obj, n, w_n, dw_n)
+        w2 = slowed if w_n < 0.0 else w
+        place, near = _pushed(poses, end, c, r, n, x2, 0)
+        place, nearer = _pushed(poses, end, c, r, n, place, 1)
+        calm = approach(u2, chord, n) == 0.0 and u_n < 0.0 and near and nearer
+        calm = calm and _height(poses, end, c, place) - r >= 0.0 and plain and plainer
+        inside, change = done >= PRESSED, subtract(w2, w)
+        fits = gap >= -rounding and (calm or not inside)
+        pressed = done + (STUCK if inside and stuck else 0.0)
+        s[DONE * CHUNK + i] = pressed if fits and done != LEFT else LEFT
+        before = _read(s, CHANGED, i)
+        summed = add(before, change) if hit else change
+        _write(s, CHANGED, i, summed if inside else before)
+        _write(s, TOUCHED, i, _read(s, TOUCHED, i) if hit else x2)
+        _write(s, PLACE, i, place if inside else _read(s, BETWEEN, i))
+        _write(s, VELOCITY, i, w2 if inside else w)
+
+
+@kernel
+def _answer_chunk(rules, table, poses, motion, step, start, end, c, s, count):
+    """Answer the particles of a chunk, in loops without branches."""
+    if _find_hits(poses, motion, step, start, end, c, s, count) > 0:
+        _collide(rules, table, poses, motion, step, start, end, c, s, count)
+    _press(rules, table, poses, motion, step, start, end, c, s, count)
+
+
+@kernel
+def _leave_if_touching(present, table, poses, c, row, s, count, clear):
+    """Leave those particles to `resolve` that touch a collider other than plane c."""
+    if table.shape[0] > 1:
+        k = row * CHUNK
+        clear_of_others(present, table, poses, c, s[RADIUS * CHUNK:RADIUS * CHUNK + count],
+                        s[k:k + count], s[k + CHUNK:k + CHUNK + count],
+                        s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count])
+        for i in range(count):
+            s[DONE * CHUNK + i] = LEFT if clear[i] < 0.0 else s[DONE * CHUNK + i]
+
+
+@kernel
+def _count_and_log(log, accounts, block, particle, c, poses, end, s, i, done):
+    """Count what happened to a particle, and log its contact."""
+    hit, pressed = s[SPEED * CHUNK + i] < 0.0, done >= PRESSED
+    accounts[block, N_COLLISION] += hit
+    accounts[block, N_CONTACT] += pressed
+    if log is not None:
+        row = accounts[block, N_LOGGED]
+        state = COLLISION if hit else STICK if done >= STUCK else SLIDE
+        log[block, row, 0], log[block, row, 1], log[block, row, 2] = particle, c, state
+        for d in range(3):
+            log[block, row, POINT + d] = s[(TOUCHED + d) * CHUNK + i]
+            log[block, row, NORMAL + d] = poses[end, c, 2 + 3 * d]
+            log[block, row, CHANGE + d] = s[(CHANGED + d) * CHUNK + i]
+        accounts[block, N_LOGGED] = row + 1
+
+
+@kernel
+def _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx, vy, vz,
+                  s, count, clear, touching, left):
+    """Answer a chunk and write what is settled; how many particles are left, with the others."""
+    for i in range(count):
+        s[DONE * CHUNK + i] = 0.0
+    _leave_if_touching(rules.present, table, poses[here.end], c, BETWEEN, s, count, clear)
+    kept = 0
+    for i in range(count):
+        if s[DONE * CHUNK + i] == LEFT:
+            touching[left] = int(s[WHICH * CHUNK + i])
+            left += 1
+        else:
+            for row in range(TOUCHED):
+                s[row * CHUNK + kept] = s[row * CHUNK + i]
+            kept += 1
+    _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s, kept)
+    _leave_if_touching(rules.present, table, poses[here.end], c, BETWEEN, s, kept, clear)
+    _leave_if_touching(rules.present, table, poses[here.end], c, PLACE, s, kept, clear)
+    for i in range(kept):
+        j, done = int(s[WHICH * CHUNK + i]), s[DONE * CHUNK + i]
+        if done == LEFT:
+            touching[left] = j
+            left += 1
+        else:
+            x[j], y[j], z[j] = _read(s, PLACE, i)
+            vx[j], vy[j], vz[j] = _read(s, VELOCITY, i)
+            _count_and_log(log, accounts, here.block, first + j, c, poses, here.end, s, i, done)
+    return left
+
+
+@kernel
+def answer_planes(rules, here, table, poses, motion, radius, log, accounts, first, old, x, y, z,
+                  vx, vy, vz, s, clear, touching, count):
+    """
+    Answer the particles of a block that touch one plane and nothing else, in place.
+
+    Parameters
+    ----------
+    rules, table, poses, motion, log, accounts
+        As in response.resolve.
+    here : rules.Here
+        Step, rows of poses and block; no particle.
+    radius : (B,) float64 [m] or None
+        Of the particles of the block.
+    first : int
+        Index of the first particle of the block.
+    old : (6, B) float64
+        State at the start of the step.
+    x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
+        Candidates; overwritten where a particle is answered.
+    s : (ROWS * CHUNK,) float64
+        Scratch.
+    clear : (B,) float64
+        Scratch.
+    touching : (B + 1,) int64
+        Particles that may touch something; overwritten with those that are left.
+    count : int
+        How many.
+
+    Returns
+    -------
+    left : int
+        How many are left for response.resolve.
+
+    """
+    for c in range(table.shape[0]):
+        if table[c, KIND] != PLANE:
+            continue
+        left, taken = 0, 0
+        for k in range(count):
+            j = touching[k]
+            r = radius_at(radius, j)
+            if _height(poses, here.end, c, (x[j], y[j], z[j])) - r >= 0.0:
+                touching[left] = j
+                left += 1
+                continue
+            for d in range(6):
+                s[d * CHUNK + taken] = old[d, j]
+            s[WHICH * CHUNK + taken], s[RADIUS * CHUNK + taken] = j, r
+            _write(s, BETWEEN, taken, (x[j], y[j], z[j]))
+            taken += 1
+            if taken == CHUNK:
+                left = _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x,
+                                     y, z, vx, vy, vz, s, taken, clear, touching, left)
+                taken = 0
+        count = _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x, y, z,
+                              vx, vy, vz, s, taken, clear, touching, left)
+    return count

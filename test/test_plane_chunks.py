@@ -1,0 +1,99 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Particles that touch one plane are answered together (core/planes.py), as they would be one by one.
+
+With a ledger every particle is answered by itself, by core/response.py; both must agree bit for
+bit, in state, counters and contacts.
+"""
+
+import numpy as np
+from numpy.testing import assert_array_equal
+import pytest
+from small_scenes import box, plane, simulate, sphere
+
+FRICTIONS = [{'dry': 0.3}, {'dry': {'static': 0.6, 'kinetic': 0.4}}, {'wet': 2.0},
+             {'dry': 0.2, 'wet': {'coefficient': 0.5, 'form': 'capped'}}]
+TURNING = {'angular_velocity': [0.3, -0.2, 1.0], 'linear_velocity': [0.5, 0.0, 0.2]}
+ROOM = [plane(), plane((0.6, 0.0, 0.8), (-1.0, 0.0, 0.0), 'slope'),
+        plane((0.0, -1.0, 0.1), (0.0, 1.5, 0.0), 'wall', restitution=1.0)]
+THINGS = [sphere(0.5, (0.0, 0.0, 0.5)), box((1.0, 0.4, 0.6), (1.2, 0.0, 0.3))]
+
+
+def both_ways(colliders, moves=None, **scene):
+    """Give the scene with its particles answered together, and one by one."""
+    random = np.random.default_rng(5)
+    position = random.uniform((-1.0, -1.0, 0.0), (2.0, 1.5, 0.5), (700, 3))
+    position[:200, 2] = 0.0         # on the ground
+    velocity = random.normal(0.0, 2.0, position.shape)
+    velocity[:100] = 0.0
+    sims = [simulate(colliders, position, velocity, ledger=ledger, restitution=0.5, **scene)
+            for ledger in (False, True)]
+    for step in range(60):
+        for sim in sims:
+            if moves:
+                sim.move_collider('ground', *moves(step / 240))
+            sim.step()
+        yield sims
+
+
+def assert_same(sims):
+    """Assert that two simulations agree in all they say."""
+    together, alone = sims
+    assert_array_equal(together.position, alone.position)
+    assert_array_equal(together.velocity, alone.velocity)
+    assert together.counters == alone.counters
+    for ours, theirs in zip(together.contacts, alone.contacts):
+        assert_array_equal(ours, theirs)
+
+
+@pytest.mark.jit
+@pytest.mark.parametrize('friction', FRICTIONS, ids=str)
+@pytest.mark.parametrize('colliders', [ROOM[:1], ROOM, ROOM + THINGS], ids=len)
+def test_together_as_one_by_one(colliders, friction):
+    """Rest, slides and bounces on planes, beside other colliders."""
+    for sims in both_ways(colliders, friction=friction):
+        assert_same(sims)
+
+
+@pytest.mark.jit
+@pytest.mark.parametrize('radius', [0.0, 0.02])
+def test_together_on_moving_planes(radius):
+    """A ground that turns and shifts by a script, beside slopes that do not."""
+    ground = plane(motion=TURNING, name='ground')
+    for sims in both_ways([ground, *ROOM[1:]], friction={'dry': 0.3},
+                          particles={'radius': radius}):
+        assert_same(sims)
+
+
+@pytest.mark.jit
+def test_together_on_a_plane_that_is_moved():
+    """A ground whose velocity is only estimated from its poses."""
+    def moves(time):
+        height = 0.02 * np.sin(20.0 * time)
+        return (0.1 * time, 0.0, height), (0.0, 0.0, 0.0, 1.0)
+
+    for sims in both_ways(ROOM + THINGS, moves, friction={'dry': 0.3}):
+        assert_same(sims)
+
+
+def test_extreme_slips_are_answered_one_by_one():
+    """Slips whose squares under- or overflow: the size is that of vectors.length."""
+    velocity = np.array([[1e-170, 0.0, 0.0], [1e170, 0.0, -1.0], [1e-300, 1e-300, -1e-9]])
+    sims = [simulate([plane()], np.zeros((3, 3)), velocity, friction={'dry': 0.5}, ledger=ledger)
+            for ledger in (False, True)]
+    for sim in sims:
+        sim.step(3)
+    assert_same(sims)
