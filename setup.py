@@ -49,6 +49,10 @@ setup(
     extras_require={
         # The figures of `collision_sim report`.
         'report': ['matplotlib'],
+        # `collision_sim sweep` on a Dask cluster, and its tables in Parquet.
+        'sweep': ['distributed', 'pyarrow'],
+        # `springs` with `solver: implicit`.
+        'springs': ['scipy'],
         # rclpy and Fast DDS as wheels, for machines without an installed ROS.
         'ros': [
             'ros-jazzy-common-interfaces',
@@ -58,6 +62,7 @@ setup(
         # The flake8 plugins are those of ament_flake8.
         'test': [
             'catkin_pkg',
+            'distributed',
             'flake8',
             'flake8-blind-except',
             'flake8-builtins',
@@ -69,9 +74,11 @@ setup(
             'flake8-quotes',
             'hypothesis',
             'matplotlib',
+            'pyarrow',
             'pydocstyle',
             'pytest',
             'pytest-timeout',
+            'scipy',
         ],
     },
     entry_points={

@@ -153,13 +153,13 @@ class Books:
         """Give what the kernels book with, in this scene."""
         mass, drag = np.asarray(scene.particles.mass), scene.drag
         return Ledger(
-            self._rows, _finite(mass).copy() if mass.ndim else None, tuple(scene.gravity),
+            self._rows, finite_masses(mass).copy() if mass.ndim else None, tuple(scene.gravity),
             bool(drag and (drag.linear or drag.quadratic)),
             scene.stepping.flight == 'symplectic_euler')
 
     def end(self, scene, x, v):
         """End with the steps of a call, in a state (3, N) and (3, N)."""
-        mass, (x0, v0) = _finite(np.asarray(scene.particles.mass)), self._before
+        mass, (x0, v0) = finite_masses(np.asarray(scene.particles.mass)), self._before
         dv = v - v0
         energy = 0.5 * (dv * (v + v0)).sum(axis=0) - np.array(scene.gravity) @ (x - x0)
         booked = self._rows.sum(axis=0) * (1.0 if mass.ndim else mass)
@@ -171,6 +171,6 @@ class Books:
         return Balances(balance(*self._last), balance(*self._total))
 
 
-def _finite(mass):
-    """Masses, with 0 for infinite ones."""
+def finite_masses(mass):
+    """Masses [kg], with 0 for infinite ones."""
     return np.where(np.isfinite(mass), mass, 0.0)

@@ -382,7 +382,7 @@ def read_only(array):
 def read_yaml(path):
     """Give the content of a YAML file; SceneError says what is wrong with it and in which line."""
     try:
-        return yaml.load(path.read_bytes(), Loader=_Loader)
+        return yaml.load(path.read_bytes(), Loader=Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = f'line {mark.line + 1}: {error.problem}' if mark else error.problem
@@ -392,7 +392,7 @@ def read_yaml(path):
     raise SceneError('scene', str(path), f'must be a readable YAML file; {problem}')
 
 
-class _Loader(yaml.SafeLoader):
+class Loader(yaml.SafeLoader):
     """YAML as people expect it: 1e-3 is a number, and a key given twice is an error."""
 
     def compose_mapping_node(self, anchor):
@@ -414,7 +414,7 @@ class _Loader(yaml.SafeLoader):
         node.value = list(reversed(last.values()))
 
 
-_Loader.add_implicit_resolver(
+Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float',
     re.compile(r'[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$'),
     list('-+0123456789'))

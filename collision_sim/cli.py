@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The command line: `collision_sim run | report | advise | stability`.
+The command line: `collision_sim run | report | advise | stability | bench | sweep`.
 
 A subcommand is a module with `add_arguments(parser)` and `run(arguments)`, which gives the exit
 code; only the module of the one that was asked for is imported.
@@ -28,6 +28,8 @@ COMMANDS = {
     'report': ('collision_sim.studies.report', 'error against run time, on known or own scenes'),
     'advise': ('collision_sim.studies.advise', 'the method and dt for an error or a run time'),
     'stability': ('collision_sim.studies.stability', 'stiff and extreme cases'),
+    'bench': ('collision_sim.studies.bench', 'run times, beside other toolkits'),
+    'sweep': ('collision_sim.studies.sweep', 'many runs over a grid of values'),
 }
 EXAMPLES = """\
 examples:
@@ -35,6 +37,8 @@ examples:
   collision_sim report --quick --out report
   collision_sim advise my.yaml --error 1e-3
   collision_sim stability
+  collision_sim bench --quick
+  collision_sim sweep demo --vary restitution=0.1:0.9:9 --repeat 10
 
 `collision_sim COMMAND --help` says more about each."""
 REFUSED, INTERRUPTED = 2, 130

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from collision_sim.checks import as_list, Choice, Direction, Flag, join, Number, Quaternion
 from collision_sim.checks import read_leaves, read_section, SceneError, Text, Vector
 from collision_sim.friction import Friction, read_friction
+from collision_sim.mesh_surface import Mesh, MESH_KEYS, read_mesh
 
 
 Vector3 = tuple[float, float, float]
@@ -53,6 +54,7 @@ SHAPES = {  # the keys that a shape adds to those of every collider
     'box': {'size': Vector('m', 'Edge lengths', low=0, above=True), **_BODY},
     'capsule': {'radius': _LENGTH, 'length': _LENGTH, **_BODY},
     'cylinder': {'radius': _LENGTH, 'length': _LENGTH, **_BODY},
+    'mesh': {'scale': Number('', 'Factor of all lengths of the mesh', low=0, above=True), **_BODY},
 }
 _SIZE_KEYS = ('radius', 'size', 'length')
 
@@ -101,6 +103,8 @@ class Collider:
         Pose topic that the collider follows.
     motion : Motion or None
         Scripted motion; never together with a topic.
+    mesh : Mesh or None
+        Of the shape mesh, which has no size.
 
     """
 
@@ -115,6 +119,7 @@ class Collider:
     friction: Friction | None = None
     topic: str | None = None
     motion: Motion | None = None
+    mesh: Mesh | None = None
 
     @property
     def moving(self) -> bool:
@@ -122,18 +127,19 @@ class Collider:
         return self.topic is not None or self.motion is not None
 
 
-def read_colliders(value) -> tuple[Collider, ...]:
+def read_colliders(value, directory) -> tuple[Collider, ...]:
+    """Read the list of colliders; relative names of files start in `directory`."""
     entries = [] if value is None else as_list(value)
     if not isinstance(entries, list):
         raise SceneError('colliders', value, 'must be a list of colliders')
     colliders = {}
     for index, entry in enumerate(entries):
-        collider = _read_collider(entry, f'colliders[{index}]', colliders)
+        collider = _read_collider(entry, f'colliders[{index}]', colliders, directory)
         colliders[collider.name] = collider
     return tuple(colliders.values())
 
 
-def _read_collider(value, path, others) -> Collider:
+def _read_collider(value, path, others, directory) -> Collider:
     """Read a collider; its path goes by its name as soon as that is known to be good."""
     if not isinstance(value, Mapping):
         raise SceneError(path, value, 'must be a mapping with name, shape, ...')
@@ -143,7 +149,8 @@ def _read_collider(value, path, others) -> Collider:
             raise SceneError(f'{path}.name', name, 'must be unique in the scene')
         path = f'colliders.{name}'
     leaves = {**COLLIDER, 'shape': Choice(tuple(SHAPES)), **_shape_leaves(value.get('shape'))}
-    section = read_section(value, path, [*leaves, 'friction', 'motion'])
+    extra = MESH_KEYS if value.get('shape') == 'mesh' else ()
+    section = read_section(value, path, [*leaves, *extra, 'friction', 'motion'])
     required = ['name', 'shape', *(key for key in _SIZE_KEYS if key in leaves)]
     found = read_leaves(section, path, leaves, required)
     motion = _read_motion(section.get('motion'), join(path, 'motion'))
@@ -154,7 +161,9 @@ def _read_collider(value, path, others) -> Collider:
     if 'point' in found:
         found['position'] = found.pop('point')
     friction = read_friction(section.get('friction'), join(path, 'friction'))
-    return Collider(**found, size=size, friction=friction, motion=motion)
+    scale, inside = found.pop('scale', 1.0), found.get('inside', False)
+    mesh = read_mesh(section, path, directory, scale, inside) if extra else None
+    return Collider(**found, size=size, friction=friction, motion=motion, mesh=mesh)
 
 
 def _shape_leaves(shape):

@@ -20,7 +20,9 @@ core/pairs.py.
 """
 
 from collision_sim.core.candidates import Candidates, fly_freely
+from collision_sim.core.rules import CHECKS
 from collision_sim.core.stepping import BLOCK
+from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 import numpy as np
 
 
@@ -33,13 +35,28 @@ class Coupling:
     scene : Scene
         With springs, pairs or both.
 
+    Attributes
+    ----------
+    parts : int
+        Substeps in a step: each is a whole step, collisions included, of that part of dt.
+
     """
 
     def __init__(self, scene):
         shape = 3, len(scene.particles.position)
         self._candidates = Candidates(np.empty(shape), np.empty(shape))
+        self._solver = None
+        self.adopt(scene)
 
-    def step(self, rules, ledger, x, v):
+    def adopt(self, scene):
+        """Take a scene whose values may differ from those of the scene before."""
+        self.parts = 1
+        if scene.springs:
+            self.parts = scene.springs.substeps(scene.particles, scene.stepping.dt)
+            solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
+            self._solver = solver(scene)
+
+    def step(self, rules, ledger, x, v, threads, strike=None):
         """
         Lay out the candidates of the next step.
 
@@ -51,11 +68,28 @@ class Coupling:
             Written.
         x, v : (3, N) float64 [m], [m/s]
             State at the start of the step; v is written where pairs collide.
+        threads : int
+            Most threads to use.
+        strike : callable or None
+            The collision stage against colliders, for springs: strike(candidates) writes v and
+            says whether anybody has collided. None for methods without such a stage.
 
         Returns
         -------
         candidates.Candidates
 
         """
-        fly_freely(rules.flight, v, ledger, BLOCK, self._candidates)
+        if self._solver:
+            self._stretch(rules.flight, ledger, x, v, threads, strike)
+        else:
+            fly_freely(rules.flight, v, ledger, BLOCK, self._candidates)
         return self._candidates
+
+    def _stretch(self, flight, ledger, x, v, threads, strike):
+        """Lay out candidates with springs, from the velocities after the collision stage."""
+        going, done = CHECKS if strike else 0, False
+        while going and not done:
+            self._solver.step(flight, None, x, v, self._candidates, threads)
+            going, done = going - 1, not strike(self._candidates)
+        if ledger or not done:
+            self._solver.step(flight, ledger, x, v, self._candidates, threads)

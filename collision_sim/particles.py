@@ -53,7 +53,7 @@ class Particles:
 
 def read_particles(value, directory) -> Particles:
     """Read or draw the particles: positions first, velocities second, from one seed."""
-    keys = ['count', 'box', 'position', 'file', 'seed', 'velocity', 'mass', 'radius']
+    keys = ['count', 'box', 'position', 'file', 'grid', 'seed', 'velocity', 'mass', 'radius']
     section = read_section(value, 'particles', keys)
     if not section:
         section = {'position': []}
@@ -70,18 +70,38 @@ def read_particles(value, directory) -> Particles:
 
 
 def _read_positions(section, directory, random):
-    ways = [key for key in ('count', 'position', 'file') if key in section]
+    ways = [key for key in ('count', 'position', 'file', 'grid') if key in section]
     if len(ways) != 1:
         raise SceneError('particles', ways or MISSING,
-                         'must have exactly one of count (with box), position, file')
+                         'must have exactly one of count (with box), position, file, grid')
     if 'box' in section and ways != ['count']:
         raise SceneError('particles.box', section['box'], 'goes with count only')
     if 'position' in section:
         return read_vectors(section['position'], 'particles.position', POSITION)
     if 'file' in section:
         return read_file(section['file'], 'particles.file', directory)
+    if 'grid' in section:
+        return _read_grid(section['grid'], 'particles.grid')
     low, high = _read_box(section.get('box', MISSING), 'particles.box', POSITION)
     return random.uniform(low, high, (section['count'], 3))
+
+
+def _read_grid(value, path):
+    """Give the places of a grid, row by row; rows follow the first edge, columns the second."""
+    keys = {'count': Vector('', 'Rows and columns', low=1, high=10 ** 8, whole=True, length=2),
+            'corner': POSITION}
+    section = read_section(value, path, (*keys, 'edges'))
+    leaves = read_leaves(section, path, keys, required=keys)
+    edges = read_vectors(section.get('edges', MISSING), f'{path}.edges', POSITION)
+    if len(edges) != 2:
+        raise SceneError(f'{path}.edges', section['edges'], 'must be two vectors, those from the '
+                         'corner along a column and along a row')
+    rows, columns = leaves['count']
+    if rows * columns > COUNT.high:
+        raise SceneError(f'{path}.count', leaves['count'], f'must be {COUNT.high} in all at most')
+    down, along = np.mgrid[:rows, :columns].reshape(2, -1, 1)
+    return (np.array(leaves['corner']) + down / max(rows - 1, 1) * edges[0]
+            + along / max(columns - 1, 1) * edges[1])
 
 
 def _read_velocities(value, count, random):

@@ -30,6 +30,7 @@ from collision_sim.colliders import Collider, read_colliders, RESTITUTION, Vecto
 from collision_sim.friction import (FRICTION, Friction, friction_parameters, read_friction,
                                     with_friction)
 from collision_sim.particles import Particles, read_particles
+from collision_sim.springs import read_springs, Springs
 
 SCENES = Path(__file__).parent / 'scenes'
 
@@ -126,7 +127,7 @@ class Scene:
     colliders: tuple[Collider, ...]
     stepping: Stepping
     pairs: None = None
-    springs: None = None
+    springs: Springs | None = None
 
     @classmethod
     def from_dict(cls, mapping, directory='.') -> 'Scene':
@@ -150,14 +151,17 @@ class Scene:
             raise SceneError('scene', mapping, 'must be a mapping')
         section = read_section(mapping, '', [field.name for field in fields(cls)])
         leaves = read_leaves(section, '', {'gravity': GRAVITY, 'restitution': RESTITUTION})
+        directory, stepping = Path(directory), _read_stepping(section.get('stepping'))
+        particles = read_particles(section.get('particles'), directory)
         return cls(
             gravity=leaves.get('gravity', (0.0, 0.0, -9.81)),
             drag=_read_drag(section.get('drag')),
-            particles=read_particles(section.get('particles'), Path(directory)),
+            particles=particles,
             restitution=leaves.get('restitution', 0.0),
             friction=read_friction(section.get('friction'), 'friction') or Friction(),
-            colliders=read_colliders(section.get('colliders')),
-            stepping=_read_stepping(section.get('stepping')))
+            colliders=read_colliders(section.get('colliders'), Path(directory)),
+            stepping=stepping,
+            springs=read_springs(section.get('springs'), particles, stepping, directory))
 
     def collider(self, name) -> Collider:
         """Give the collider of that name."""
@@ -188,6 +192,8 @@ class Scene:
             restitution = self.restitution_of(collider)
             found[f'{path}.restitution'] = RESTITUTION.parameter(restitution)
             found |= friction_parameters(self.friction_of(collider), f'{path}.friction')
+        if self.springs is not None:
+            found |= self.springs.parameters()
         found['stepping.iterations'] = STEPPING['iterations'].parameter(self.stepping.iterations)
         return found
 
@@ -225,6 +231,10 @@ class Scene:
                 friction = self.friction_of(self.collider(name))
                 friction = with_friction(friction, keys, value, path)
                 return self._with_collider(name, friction=friction)
+            case ['springs', _] if self.springs is not None and (
+                    path in self.springs.parameters()):
+                return replace(self, springs=self.springs.with_parameter(
+                    path, value, self.particles, self.stepping))
             case ['stepping', 'iterations']:
                 iterations = STEPPING['iterations'].read(value, path)
                 return replace(self, stepping=replace(self.stepping, iterations=iterations))
@@ -255,7 +265,7 @@ def load_scene(name) -> Scene:
         For a file that cannot be read, or the first value that is not allowed.
 
     """
-    path = _scene_path(name)
+    path = scene_path(name)
     return Scene.from_dict(read_yaml(path), path.parent)
 
 
@@ -264,7 +274,8 @@ def shipped_scenes() -> list[str]:
     return sorted(path.stem for path in SCENES.glob('*.yaml'))
 
 
-def _scene_path(name) -> Path:
+def scene_path(name) -> Path:
+    """Give the file of a scene: `name` is its path, or that of a shipped scene."""
     if not isinstance(name, (str, os.PathLike)):
         raise SceneError('scene', name, 'must be the path of a YAML file')
     if os.path.isfile(name):

@@ -21,30 +21,25 @@ What happens in a scene: particles, colliders and time.
 from dataclasses import replace
 import math
 from numbers import Integral, Real
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
-from collision_sim.core.courses import fill_courses
 from collision_sim.core.exact import step_events
-from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
-                                       MOTION, POSE, script_poses, START, subdivide, TWIST)
-from collision_sim.core.rotation import quaternion
+from collision_sim.core.motion import subdivide
+from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
-                                      N_LOGGED, NONE, NORMAL, NOTES, POINT)
+                                      N_COLLISION, N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
 from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
+from collision_sim.core.strikes import strike_blocks
 from collision_sim.core.threads import share
 from collision_sim.coupling import Coupling
-from collision_sim.tables import (acting_forces, collider_table, frames, pose_rows, scripts,
-                                  step_rules)
+from collision_sim.kinematics import Kinematics
+from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
 import numpy as np
-
-NO_CHORDS = np.full((2, TWIST), np.nan)     # of a collider that has not moved
-STEPS_AT_ONCE = 1024        # steps of moving colliders that are laid out before a call
-NORM_TOLERANCE = 1e-3       # how far from 1 the norm of an orientation may be
 
 
 class Contacts(NamedTuple):
@@ -73,23 +68,6 @@ class Contacts(NamedTuple):
     state: np.ndarray
 
 
-class Track(NamedTuple):
-    """
-    Poses (S, 12) of a collider at the ends of the next S steps; twists at both ends (S, 6).
-
-    chords (S, 6) where the twists are estimated from the poses, None where they were given.
-    """
-
-    poses: np.ndarray
-    starts: np.ndarray
-    ends: np.ndarray
-    chords: Optional[np.ndarray]
-
-    def part(self, rows):
-        """Give some of the steps."""
-        return Track(*(None if table is None else table[rows] for table in self))
-
-
 class Simulation:
     """
     Particles and colliders of a scene, stepped in time.
@@ -116,9 +94,8 @@ class Simulation:
     def __init__(self, scene, contacts=True, threads=None, ledger=False):
         self.record_contacts = bool(contacts)
         self._threads = threads
-        self._indices = {collider.name: k for k, collider in enumerate(scene.colliders)}
-        self._frames = frames(scene)
-        self._scripts, self._scripted = scripts(scene)
+        self._colliders = Kinematics(scene)
+        self._meshes = mesh_tables(scene)
         self._x = np.empty((3, len(scene.particles.position)))
         self._v = np.empty_like(self._x)
         blocks = -(-self._x.shape[1] // BLOCK)
@@ -138,12 +115,14 @@ class Simulation:
         self._table = collider_table(scene)
         if self._coupling:
             self._coupling.adopt(scene)
-        self._rules = step_rules(self._part(scene), self._table)
+        self._rules = step_rules(self._part(scene), self._table, self._meshes)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
+        self._ledger = self._books.ledger(scene) if self._books else None
+        self._plan = None
         self.scene = scene
 
     def _part(self, scene):
-        """Give the scene of a substep: dt and the share of repulsion are parts of those of a step."""
+        """Give the scene of a substep: dt and the share of repulsion are parts of a step's."""
         if not self._coupling or self._coupling.parts == 1:
             return scene
         parts, stepping = self._coupling.parts, scene.stepping
@@ -157,17 +136,9 @@ class Simulation:
         self._v[:] = self.scene.particles.velocity.T
         self._since, self._count = 0.0, 0
         self._accounts[:] = 0
-        self._base = np.array([
-            pose_rows(frame, [collider.position], [collider.orientation])
-            for frame, collider in zip(self._frames, self.scene.colliders)]).reshape(-1, POSE)
-        self._poses = self._base[None].copy()
-        self._motion = self._courses = None
-        self._tracks = {}
-        self._chords = {}
-        self._given = {}
+        self._colliders.reset()
         if self._books:
             self._books.clear()
-        self._moves = any(collider.moving for collider in self.scene.colliders)
 
     # ------------------------------------------------------------------ state
 
@@ -243,16 +214,12 @@ class Simulation:
             Quaternion x, y, z, w.
 
         """
-        return self._pose(self._index(name))
-
-    def _pose(self, k):
-        row = self._poses[-1, k]
-        return row[9:].copy(), quaternion(row[:9].reshape(3, 3) @ self._frames[k].T)
+        return self._colliders.pose(name)
 
     def clearance(self):
         """Signed distance from each particle to its nearest collider, (N,) float64 [m]."""
         clear = np.full(self._x.shape[1], np.inf)
-        distances(self._rules.present, self._table, self._poses[-1:], self._x, clear)
+        distances(self._rules.present, self._table, self._colliders.now, self._x, clear)
         return clear - self.scene.particles.radius
 
     def energy(self):
@@ -328,60 +295,21 @@ class Simulation:
         if self._books:
             self._books.begin(self._x, self._v)
         while n > 0 and self.dt > 0.0:
-            steps = self._move_colliders(n, self.dt)
+            first = self._count if self._since == 0.0 else self.time / self.dt
+            steps = self._colliders.lay_out(n, first, self.dt)
             self._move_particles(steps, self.dt, self._rules)
+            self._colliders.go_on(steps)
             self._count += steps
             n -= steps
         if rest > 0.0:
             stepping = replace(self.scene.stepping, dt=rest)
-            rules = step_rules(replace(self.scene, stepping=stepping), self._table)
-            self._move_colliders(1, rest)
+            rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
+            self._colliders.lay_out(1, self.time / rest, rest)
             self._move_particles(1, rest, rules)
+            self._colliders.go_on(1)
             self._since, self._count = self.time + rest, 0
         if self._books:
             self._books.end(self.scene, self._x, self._v)
-
-    def _move_colliders(self, most, dt):
-        """Lay out the poses of the next steps; the number of steps laid out."""
-        self._poses = self._poses[-1:]
-        if not self._moves:
-            return most
-        tracks, self._tracks = self._tracks, {}
-        steps = min([most, STEPS_AT_ONCE, *(len(track.poses) for track in tracks.values())])
-        poses = np.repeat(self._poses, steps + 1, axis=0)
-        motion = np.zeros((steps, len(self._table), MOTION))
-        first = self._count if self._since == 0.0 and dt == self.dt else self.time / dt
-        script_poses(self._scripted, self._base, self._scripts, first, dt, poses, motion,
-                     np.empty(TWIST))
-        for k, track in tracks.items():
-            poses[1:, k] = track.poses[:steps]
-            motion[:, k, START:END] = track.starts[:steps]
-            motion[:, k, END:ESTIMATED] = track.ends[:steps]
-            motion[:, k, ESTIMATED] = track.chords is not None
-            if len(track.poses) > steps:
-                self._tracks[k] = track.part(slice(steps, None))
-            self._remember(k, track.part(slice(steps)))
-        self._rest_colliders(tracks, steps)
-        fill_turns(poses, motion)
-        self._poses, self._motion = poses, motion
-        if self._forces is not None:
-            self._courses = fill_courses(poses, motion, self._scripted, self._scripts, first, dt)
-        return steps
-
-    def _remember(self, k, track):
-        """Keep what the twists of the next move depend on: the last chords, or the last twist."""
-        if track.chords is None:
-            self._given[k], self._chords[k] = track.ends[-1:], NO_CHORDS
-        else:
-            before = self._chords.get(k, NO_CHORDS)
-            self._chords[k] = np.concatenate([before, track.chords])[-2:]
-            self._given.pop(k, None)
-
-    def _rest_colliders(self, tracks, steps):
-        """Colliders that were moved before and are not now stand still from here on."""
-        still = np.zeros((min(steps, 2), TWIST))
-        for k in self._chords.keys() - tracks.keys():
-            self._remember(k, Track(None, None, None, still))
 
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
@@ -389,32 +317,55 @@ class Simulation:
             rows = BLOCK * min(len(self._table), MOST_CONTACTS)
             self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
-        ledger = self._books.ledger(self.scene) if self._books else None
-        shared = (self._radius, self._log, self._accounts, self._notes, self._x, self._v, ledger)
-        threads = self._threads or numba.get_num_threads()
+            self._plan = None
+        threads, colliders = self._threads or numba.get_num_threads(), self._colliders
         if self._forces is not None:
             share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
-                  steps, self._table, self._poses, self._motion, self._courses, *shared)
+                  steps, self._table, colliders.poses, colliders.motion, colliders.courses,
+                  self._radius, self._log, self._accounts, self._notes, self._x, self._v,
+                  self._ledger)
             return
         threads = threads if len(self._accounts) > FEW else 1
-        if self._coupling is None:
-            share(step_blocks, threads, rules, steps, self._table, self._poses, self._motion,
-                  *shared, None)
+        if self._coupling is not None:
+            for poses, motion in self._each_substep(steps):
+                self._step_coupled(self._parts(rules, poses, motion), threads)
             return
-        for poses, motion in self._each_step(steps):
-            candidates = self._coupling.step(rules, ledger, self._x, self._v,
-                                             self._threads or numba.get_num_threads())
-            share(step_blocks, threads, rules, 1, self._table, poses, motion, *shared, candidates)
+        if self._plan is None or self._planned is not colliders.poses:
+            self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
+            self._planned = colliders.poses
+        share(step_blocks, threads, self._plan, steps, colliders.row)
 
-    def _each_step(self, steps):
+    def _parts(self, rules, poses, motion):
+        """Give what a plan is made of."""
+        return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
+                     self._notes, self._x, self._v, self._ledger, None)
+
+    def _step_coupled(self, parts, threads):
+        """Take one substep of particles that act on each other."""
+        rules, accounts = parts.rules, self._accounts
+
+        def strike(candidates):
+            before = accounts[:, N_COLLISION].sum()
+            share(strike_blocks, threads, rules, parts.table, parts.poses, parts.motion,
+                  parts.radius, parts.log, accounts, parts.ledger, candidates, parts.x, parts.v)
+            return accounts[:, N_COLLISION].sum() > before
+
+        accounts[:, N_LOGGED] = 0
+        candidates = self._coupling.step(rules, parts.ledger, parts.x, parts.v,
+                                         self._threads or numba.get_num_threads(),
+                                         strike if rules.checks and len(self._table) else None)
+        share(step_blocks, threads, make_plan(parts._replace(candidates=candidates)), 1, 0)
+
+    def _each_substep(self, steps):
         """Poses (2, C, 12) and motion (1, C, MOTION) of each substep of the steps laid out."""
-        parts = self._coupling.parts
-        if self._motion is None:
-            yield from [(self._poses, None)] * (steps * parts)
+        parts, (poses, motion) = self._coupling.parts, (self._colliders.poses,
+                                                        self._colliders.motion)
+        if motion is None:
+            yield from [(poses, None)] * (steps * parts)
             return
-        for s in range(steps):
-            poses, motion = subdivide(self._poses[s:s + 2], self._motion[s:s + 1], parts)
-            yield from ((poses[k:k + 2], motion[k:k + 1]) for k in range(parts))
+        for s in range(self._colliders.row, self._colliders.row + steps):
+            cut, turns = subdivide(poses[s:s + 2], motion[s:s + 1], parts)
+            yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(parts))
 
     # ------------------------------------------------------------------ changes from outside
 
@@ -460,21 +411,7 @@ class Simulation:
             Unknown or scripted collider, value not finite, orientation not of unit norm.
 
         """
-        k = self._index(name)
-        if k in self._scripted:
-            raise SceneError(f'colliders.{name}', 'move_collider', 'it follows its own script')
-        p = _rows(f'colliders.{name}.position', position, 3)
-        q = _unit(f'colliders.{name}.orientation', orientation, len(p))
-        if twist is None:
-            before_p, before_q = self._pose(k)
-            chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]),
-                                  self.dt or 1.0)
-            starts, ends = end_twists(chords, self._chords.get(k, NO_CHORDS))
-        else:
-            ends = _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
-            starts, chords = np.concatenate([self._given.get(k, ends[:1]), ends[:-1]]), None
-        self._tracks[k] = Track(pose_rows(self._frames[k], p, q), starts, ends, chords)
-        self._moves = True
+        self._colliders.move(name, position, orientation, twist, self.dt)
 
     def place_collider(self, name, position, orientation):
         """
@@ -493,46 +430,10 @@ class Simulation:
             As `move_collider`.
 
         """
-        k = self._index(name)
-        if k in self._scripted:
-            raise SceneError(f'colliders.{name}', 'place_collider', 'it follows its own script')
-        p = _rows(f'colliders.{name}.position', position, 3, 1)
-        q = _unit(f'colliders.{name}.orientation', orientation, 1)
-        self._poses = self._poses[-1:].copy()
-        self._poses[0, k] = pose_rows(self._frames[k], p, q)[0]
-        for history in (self._tracks, self._chords, self._given):
-            history.pop(k, None)
-
-    def _index(self, name):
-        if name not in self._indices:
-            allowed = 'must be one of ' + (', '.join(self._indices) or '(no colliders)')
-            raise SceneError('collider', name, allowed)
-        return self._indices[name]
+        self._colliders.place(name, position, orientation)
 
 
 def _times(mass, amount):
     """Multiply by a mass that may be infinite: nothing of an infinite mass is nothing."""
     with np.errstate(invalid='ignore'):
         return np.where(amount == 0.0, 0.0, mass * amount)
-
-
-def _rows(key, value, columns, count=None):
-    """Value as finite rows of `columns` numbers, `count` of them if that is given."""
-    try:
-        rows = np.atleast_2d(np.array(value, dtype=np.float64))
-    except (TypeError, ValueError):
-        rows = np.empty((0, 0))
-    if rows.ndim != 2 or rows.shape[1] != columns or len(rows) not in (count or len(rows), ) \
-            or not len(rows) or not np.isfinite(rows).all():
-        many = '' if count is None else f' in {count} row(s)'
-        raise SceneError(key, value, f'must be {columns} finite numbers{many}')
-    return rows
-
-
-def _unit(key, value, count):
-    """Rows of unit quaternions."""
-    rows = _rows(key, value, 4, count)
-    norms = np.sqrt(np.square(rows).sum(axis=1, keepdims=True))
-    if not (np.abs(norms - 1.0) <= NORM_TOLERANCE).all():
-        raise SceneError(key, value, f'must have norm 1 within {NORM_TOLERANCE}')
-    return np.where(norms == 1.0, rows, rows / norms)

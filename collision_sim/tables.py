@@ -21,10 +21,11 @@ A row for each collider: shape and laws (shapes.py), pose at the start, script o
 
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
+from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import POSE, SCRIPT
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.rules import Rules
-from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES
+from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES, SIZE
 from collision_sim.core.sustained import BLINK, Forces
 from collision_sim.scene import Drag
 import numpy as np
@@ -35,11 +36,15 @@ INSIDE, OUTSIDE = -1.0, 1.0
 def collider_table(scene):
     """Shapes and laws of the colliders, (C, COLUMNS)."""
     table = np.zeros((len(scene.colliders), COLUMNS))
+    meshes = 0
     for row, collider in zip(table, scene.colliders):
         friction = scene.friction_of(collider)
         row[:] = (SHAPES[collider.shape], INSIDE if collider.inside else OUTSIDE, *collider.size,
                   scene.restitution_of(collider), friction.static or 0.0, friction.kinetic or 0.0,
                   friction.wet or 0.0, WET_FORMS[friction.wet_form])
+        if collider.mesh:
+            row[SIZE:SIZE + 2] = 4.0 * collider.mesh.extent, meshes     # roundings; row of heads
+            meshes += 1
     return table
 
 
@@ -48,11 +53,19 @@ def _used(flags):
     return 1 if any(flags) else None
 
 
-def step_rules(scene, table):
+def mesh_tables(scene):
+    """Give the meshes of a scene as mesh.Meshes; None where there are none."""
+    meshes = [mesh_arrays(collider.mesh.vertices, collider.mesh.faces, collider.mesh.closed)
+              for collider in scene.colliders if collider.mesh]
+    return joined(meshes) if meshes else None
+
+
+def step_rules(scene, table, meshes):
     """Say what a step does in this scene, as rules.Rules."""
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
     present = Present(*(_used(table[:, KIND] == kind) for kind in SHAPES.values()))
+    present = present._replace(meshes=meshes)
     once = stepping.method == 'single_pass'
     return Rules(
         flight, present, dry=_used(f.static is not None for f in frictions),
@@ -62,7 +75,8 @@ def step_rules(scene, table):
         passes=max(len(table), 1) if once else stepping.iterations, once=once,
         share=stepping.repulsion, highest=stepping.repulsion_speed,
         second=_used([stepping.method == 'second_order_contact']),
-        planes=_used([present.planes and stepping.method == 'collision_then_contact'
+        planes=_used([present.planes and meshes is None
+                      and stepping.method == 'collision_then_contact'
                       and stepping.detection == 'end_of_step']))
 
 

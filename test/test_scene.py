@@ -629,7 +629,7 @@ def test_demo_scene():
     scene = load_scene('demo')
     assert scene.collider('paddle').topic == 'paddle/pose'
     assert any(collider.motion for collider in scene.colliders)
-    assert {'belt', 'demo', 'incline', 'rain'} <= set(shipped_scenes())
+    assert {'belt', 'cloth', 'demo', 'incline', 'rain'} <= set(shipped_scenes())
 
 
 def test_file_comes_before_shipped_scene(tmp_path, monkeypatch):
@@ -645,7 +645,7 @@ def test_absent_scene(name):
     error = refused(load_scene, name)
     assert error.key == 'scene'
     if isinstance(name, str):
-        assert 'shipped scenes belt, demo, incline, rain' in error.allowed
+        assert 'shipped scenes belt, cloth, demo, incline, rain' in error.allowed
 
 
 # Parameters

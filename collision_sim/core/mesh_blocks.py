@@ -20,6 +20,8 @@ First the box of the way against that of the mesh, the same for all particles an
 the cells of the grid, then the tree.
 """
 
+from math import inf
+
 from collision_sim.core.jit import kernel
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (box_label, BOX_HIGH, BOX_LOW, FIRST_NODE, INSIDE,
@@ -104,7 +106,53 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
     """Lower `clear` below 0 for the particles of a block that may touch mesh c."""
     m, side = mesh_of(table, c), side_of(meshes, table, c)
     skin = skin_of(meshes, table, poses, start, end, c)
-    margin = skin if side >= 0.0 else inf
-    if sweep is not None and motion is not None:
-        margin = inf if length((motion[step, c, TURN], 0.0, 0.0)) > 0.0 else margin
+    turns = _sagitta(sweep, motion, step, c, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)) > 0.0
+    margin = inf if turns or side < 0.0 else skin
     _near_box(meshes.heads, m, poses, start, end, c, radius, margin, old, x, y, z, near)
+    for i in range(x.shape[0]):
+        if near[i] < 0.0 and clear[i] >= 0.0:
+            x0, x1 = (old[0, i], old[1, i], old[2, i]), (x[i], y[i], z[i])
+            arm = subtract(x0, origin(poses, start, c))
+            sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
+            if _touches(meshes, m, side, to_frame(poses, start, c, x0),
+                        to_frame(poses, end, c, x1), _radius_at(radius, i), skin, sagitta):
+                clear[i] = -1.0
+
+
+@kernel
+def touch_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, old, x, y, z,
+                 clear, near, touching, count):
+    """
+    Add to the particles of a block that may touch something those that may touch a mesh.
+
+    Parameters
+    ----------
+    meshes : mesh.Meshes or None
+        None where there are none.
+    sweep, table, poses, motion
+        As in step_block.
+    step, start, end : int
+        Row of motion, rows of poses at the start and at the end of the step.
+    radius, old, x, y, z
+        Of the block.
+    clear, touching, count
+        As left by blocks.find_touching; the first two are written.
+    near : (B,) float64
+        Scratch.
+
+    Returns
+    -------
+    count : int
+        How many entries of `touching` are set.
+
+    """
+    if meshes is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] == MESH:
+                _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, old,
+                            x, y, z, clear, near)
+        count = 0
+        for i in range(clear.shape[0]):
+            touching[count] = i
+            count += clear[i] < 0.0
+    return count

@@ -106,13 +106,17 @@ def matched_edges(faces):
     whole : (T, 3) bool
 
     """
-    start, end = faces, np.roll(faces, -1, axis=1)
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    _, edges = np.unique(low * (faces.max() + 1) + high, return_inverse=True)
-    edges = edges.reshape(faces.shape)
+    edges, ahead = edge_numbers(faces), faces < np.roll(faces, -1, axis=1)
     count = np.bincount(edges.ravel())
-    balance = np.bincount(edges.ravel(), weights=np.where(start < end, 1, -1).ravel())
+    balance = np.bincount(edges.ravel(), weights=np.where(ahead, 1, -1).ravel())
     return edges, ((count == 2) & (balance == 0))[edges]
+
+
+def edge_numbers(faces):
+    """Give the edges of faces (T, 3), each from a corner to the next, the same numbers, (T, 3)."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)])
+    keys = ends.min(axis=0) * (faces.max() + 1) + ends.max(axis=0)
+    return np.unique(keys, return_inverse=True)[1].reshape(faces.shape)
 
 
 @law

@@ -27,10 +27,12 @@ the end is taken at the velocity foreseen from the start.
 Its stability. A mode of frequency w and damping rate g (x'' = -w^2 x - g x') is stable for
 (w h)^2 / 4 + g h / 2 <= 1: the characteristic polynomial z^2 - t z + d has
 t = 2 - W - G + G^2/2 + W G/4 and d = 1 - G + G^2/2 - W G/4, with W = (w h)^2 and G = g h, and its
-roots are in the unit circle for W < 4 - 2 G + G^2, G < 2 (Jury's conditions). The sums of k/m over
-the springs of both ends of a spring bound w^2: the matrix between springs that share an end has the
-eigenvalues of M^-1 K and these row sums (Anderson and Morley 1985). k bounds the stiffness of a
-spring in every direction, since across it is k (1 - l0 / l), so the bound holds at any elongation.
+roots are in the unit circle for W < 4 - 2 G + G^2, G < 2 (Jury's conditions). The sum of k/m over
+the springs of both ends of a spring bounds w^2: the matrix between springs that share an end has
+the eigenvalues of M^-1 K and these row sums (Anderson and Morley 1985). k bounds the stiffness of
+a spring in every direction, since that across it is k (1 - l0 / l): the bound holds at any
+elongation. Where stiffness and damping have different modes the condition is no proof; it is
+checked on random networks.
 """
 
 from math import inf, sqrt
@@ -82,11 +84,11 @@ def lay_out(pairs, laws, mass):
     Springs
 
     """
-    ends = pairs.T.ravel()
+    ends = pairs.ravel()
     order = np.argsort(ends, kind='stable')
     start = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=len(mass)))])
-    return Springs(start.astype(np.int64), pairs[:, ::-1].T.ravel()[order],
-                   np.concatenate([laws, laws])[order], 1.0 / mass)
+    return Springs(start.astype(np.int64), pairs[:, ::-1].ravel()[order],
+                   np.repeat(laws, 2, axis=0)[order], 1.0 / mass)
 
 
 def mode_bounds(pairs, laws, mass):

@@ -22,6 +22,7 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 from collision_sim.core.blocks import find_touching, path_lengths, radius_at
 from collision_sim.core.candidates import book_free_flights, move_block
 from collision_sim.core.jit import kernel
+from collision_sim.core.mesh_blocks import touch_meshes
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
@@ -70,8 +71,15 @@ def _few_left(planes, ledger, candidates, rules, here, table, poses, motion, rad
 
 
 @kernel
-def step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes, ledger,
-               candidates, x, v, old, scratch, lengths, margins, touching, chunk):
+def _empty_log(candidates, accounts, block):
+    """Begin the log of a step, unless candidates have come with entries of the collision stage."""
+    if candidates is None:
+        accounts[block, N_LOGGED] = 0
+
+
+@kernel
+def step_block(rules, steps, row, block, table, poses, motion, radius, log, accounts, notes,
+               ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -83,14 +91,16 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
     vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
     near, clear = block_radius(radius, first, last), scratch[:last - first]
-    for step in range(steps):
+    for step in range(row, row + steps):
         start, end = min(step, rows), min(step + 1, rows)
-        accounts[block, N_LOGGED] = 0
+        _empty_log(candidates, accounts, block)
         move_block(candidates, rules.flight, first, px, py, pz, vx, vy, vz, old, clear)
         book_free_flights(candidates, ledger, rules.flight.dt, block, first, old, px, py, pz, vx,
                           vy, vz)
         count = _touching(rules.sweep, rules.present, table, poses[end], motion, step, near, old,
                           px, py, pz, clear, lengths, margins, touching)
+        count = touch_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
+                             end, near, old, px, py, pz, clear, lengths, touching, count)
         count = _few_left(rules.planes, ledger, candidates, rules, Here(
             step, start, end, block, first, 0.0), table, poses, motion, near, log, accounts, first,
             old, px, py, pz, vx, vy, vz, chunk, clear, touching, count)
@@ -105,8 +115,7 @@ def step_block(rules, steps, block, table, poses, motion, radius, log, accounts,
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, log, accounts, notes,
-                x, v, ledger, candidates):
+def step_blocks(posted, counters, plan, steps, row):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.
 
@@ -114,28 +123,17 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
     ----------
     posted, counters : (1,), (SHARED,) int64
         Of threads.share; by them threads divide the blocks.
-    rules : rules.Rules
-        What a step does.
+    plan : plan.Plan
+        What to do, and with what.
     steps : int
         Not negative.
-    table : (C, shapes.COLUMNS) float64
-        The colliders.
-    poses : (S + 1, C, 12) float64
-        One row where nothing moves.
-    motion : (S, C, motion.MOTION) float64 or None
-        How the colliders move.
-    radius : (N,) float64 [m] or None
-        None for points.
-    log, accounts, notes
-        Of response.py, a segment for each block; written. log may be None.
-    x, v : (3, N) float64 [m], [m/s]
-        Written.
-    ledger : ledger.Ledger or None
-        Written; None for no ledger.
-    candidates : candidates.Candidates or None
-        Of one step; None where springs and pairs change nothing.
+    row : int
+        Row of the poses at the start of the first of them, and of their motion.
 
     """
+    rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
+    radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
+    x, v, ledger, candidates = plan.x, plan.v, plan.ledger, plan.candidates
     old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
     margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
     touching = np.empty(BLOCK + 1, dtype=np.int64)
@@ -144,7 +142,8 @@ def step_blocks(posted, counters, rules, steps, table, poses, motion, radius, lo
     first = PIECE * fetch_add(counters, CLAIMED, 1)
     while first < accounts.shape[0]:
         for block in range(first, min(first + PIECE, accounts.shape[0])):
-            step_block(rules, steps, block, table, poses, motion, radius, log, accounts, notes,
-                       ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk)
+            step_block(rules, steps, row, block, table, poses, motion, radius, log, accounts,
+                       notes, ledger, candidates, x, v, old, scratch, lengths, margins, touching,
+                       chunk)
         first = PIECE * fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -82,6 +82,25 @@ def _watch_the_last(counters, looks):
     return False
 
 
+@njit(cache=True, nogil=True, error_model='numpy')
+def finish(progress, phase, pieces):
+    """
+    Return when all pieces of a phase of a shared job are done.
+
+    Whoever has claimed a piece is at work on it, so this ends with any number of threads.
+
+    Parameters
+    ----------
+    progress : (2 * phases,) int64
+        Of the job, at first 0: of each phase the pieces claimed, and those done.
+    phase, pieces : int
+        Which one, and how many pieces it has; the caller finds none to claim.
+
+    """
+    while fetch_add(progress, 2 * phase + 1, 0) < pieces:
+        _sched_yield()
+
+
 def share(function, threads, *args):
     """
     Call function(posted, counters, *args) on this thread and, at the same time, on helpers.

@@ -21,8 +21,8 @@ import re
 from collision_sim.scene import shipped_scenes
 from collision_sim.studies.choice import cheapest, most_accurate
 from collision_sim.studies.own_scene import own_case
+from collision_sim.studies.refinement import geometric, QUICK, refine, Table
 from collision_sim.studies.run import seconds
-from collision_sim.studies.sweep import geometric, QUICK, sweep, Table
 
 DESCRIPTION = """\
 Sweeps methods and dt on a scene, and advises the cheapest one that meets an error, or the most
@@ -129,7 +129,7 @@ def run(arguments):
     case, scene = own_case(arguments.scene, arguments.duration, max(EXTENT.steps))
     particles, dt = max(len(scene.particles.position), 1), scene.stepping.dt or 1.0
     table = Table()
-    sweep([case], EXTENT, table)
+    refine([case], EXTENT, table)
     limit = arguments.budget and arguments.budget / (particles * dt)
     best, shown = decide(table.rows, arguments.error, limit)
     print(case.why)

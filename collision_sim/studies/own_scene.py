@@ -22,12 +22,12 @@ from math import inf
 from pathlib import Path
 
 from collision_sim.checks import read_yaml, SceneError
-from collision_sim.scene import load_scene, METHODS, SCENES
+from collision_sim.scene import load_scene, METHODS, scene_path
 from collision_sim.studies.case import Case
 from collision_sim.studies.errors import dt_of, SAMPLES, Setting, simulation
 import numpy as np
 
-FINER = 8               # steps of the converged run for one of the finest of the sweep
+FINER = 8               # steps of the converged run for one of the finest refinement
 MOST = 256              # particles; of more, as many evenly chosen ones
 EXACT = Setting('exact', 'end_of_step', 'ballistic')
 BEST = ('second_order_contact', 'collision_then_contact')
@@ -51,10 +51,7 @@ def read(name):
 
     """
     scene = load_scene(name)
-    path = Path(name)
-    if not path.is_file():
-        path = SCENES / f'{name.removesuffix(".yaml")}.yaml'
-    mapping = read_yaml(path)
+    mapping = read_yaml(scene_path(name))
     particles = scene.particles
     count = len(particles.position)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST)).round().astype(int)) \
@@ -114,7 +111,7 @@ def own_case(name, duration, finest):
     duration : float [s]
         To compare over.
     finest : int
-        Most steps of the sweep between two times of comparison.
+        Most steps of the refinement between two times of comparison.
 
     Returns
     -------

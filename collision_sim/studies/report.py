@@ -25,9 +25,9 @@ from collision_sim.scene import load_scene, shipped_scenes
 from collision_sim.studies import figures
 from collision_sim.studies.cases import all_cases
 from collision_sim.studies.own_scene import own_case
+from collision_sim.studies.refinement import FULL, QUICK, refine, Table
 from collision_sim.studies.run import seconds
 from collision_sim.studies.summary import summary
-from collision_sim.studies.sweep import FULL, QUICK, sweep, Table
 
 DESCRIPTION = """\
 Error against run time, for every method, detection and flight, over many dt. Without a scene on
@@ -79,7 +79,7 @@ def run(arguments):
                      if not (arguments.quick and case.scene.get('drag'))]
         else:
             cases = [own_case(arguments.scene, arguments.duration, max(extent.steps))[0]]
-        sweep(cases, extent, table)
+        refine(cases, extent, table)
     except KeyboardInterrupt:
         print('interrupted; writing what is done', file=sys.stderr)
         code = INTERRUPTED

@@ -113,7 +113,7 @@ def summary(cases, measured):
     ----------
     cases : list of case.Case
         Those that were measured, at least in part.
-    measured : sweep.Table
+    measured : refinement.Table
         Rows and refusals.
 
     Returns

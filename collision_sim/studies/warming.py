@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Compile the kernels of a sweep before it measures, on all cores.
+Compile the kernels of a refinement before it measures, on all cores.
 
 Each combination of features has a kernel of its own, which takes seconds to compile. Processes do
 that side by side, each running this module; they hand the result over by Numba's cache on disk.

@@ -15,7 +15,7 @@
 """The advice on tables made by hand, and from end to end on a small scene."""
 
 from collision_sim import cli
-from collision_sim.studies import advise, sweep
+from collision_sim.studies import advise, refinement
 from collision_sim.studies.choice import cheapest, most_accurate
 from collision_sim.studies.errors import Row, Setting
 import pytest
@@ -121,10 +121,10 @@ def test_words_that_are_refused(words, capsys):
 
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
-    """Give a small scene, and make the sweep small."""
-    monkeypatch.setattr(sweep, 'settings', lambda case: [ONE, TWO])
-    monkeypatch.setattr(sweep, 'compile_kernels', lambda ways: None)
-    monkeypatch.setattr(advise, 'EXTENT', sweep.Extent(0, (2, 8, 32), 1))
+    """Give a small scene, and make the refinement small."""
+    monkeypatch.setattr(refinement, 'settings', lambda case: [ONE, TWO])
+    monkeypatch.setattr(refinement, 'compile_kernels', lambda ways: None)
+    monkeypatch.setattr(advise, 'EXTENT', refinement.Extent(0, (2, 8, 32), 1))
     path = tmp_path / 'my.yaml'
     path.write_text(SCENE)
     return str(path)

@@ -12,19 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The report from end to end on a small sweep, and its parts on rows made by hand."""
+"""The report from end to end on a small refinement, and its parts on rows made by hand."""
 
 import csv
 from math import inf, nan
 
 from collision_sim import cli
 from collision_sim import scene as scenes
-from collision_sim.studies import figures, own_scene, report, sweep, warming
+from collision_sim.studies import figures, own_scene, refinement, report, warming
 from collision_sim.studies.cases import all_cases
 from collision_sim.studies.errors import Row, SAMPLES, Setting
 from collision_sim.studies.orders import fits
+from collision_sim.studies.refinement import Extent, geometric, steps_of, Table
 from collision_sim.studies.summary import agrees, summary
-from collision_sim.studies.sweep import Extent, geometric, steps_of, Table
 import numpy as np
 import pytest
 
@@ -52,13 +52,13 @@ def a_row(name='bounce', setting=WAY, dt=0.01, error=0.01, run_time=1e-6, failur
 
 @pytest.fixture
 def tiny(monkeypatch):
-    """Make the sweep small: three cases, two ways to step, three dt; compiled here only."""
+    """Make the refinement small: three cases, two ways to step, three dt; compiled here only."""
     wanted = ('bounce', 'incline_slide', 'incline_stick')
     monkeypatch.setattr(report, 'all_cases', lambda count: [
         case for case in all_cases(count) if case.name in wanted])
     monkeypatch.setattr(report, 'QUICK', TINY)
-    monkeypatch.setattr(sweep, 'settings', lambda case: list(FEW))
-    monkeypatch.setattr(sweep, 'compile_kernels', lambda ways: None)
+    monkeypatch.setattr(refinement, 'settings', lambda case: list(FEW))
+    monkeypatch.setattr(refinement, 'compile_kernels', lambda ways: None)
 
 
 def read(path):
@@ -88,14 +88,14 @@ def test_report_from_end_to_end(tiny, tmp_path, capsys):
 @pytest.mark.jit
 def test_ctrl_c_keeps_what_is_done(tiny, tmp_path, monkeypatch):
     """After four rows an interrupt: four rows in the file, a figure, a summary, exit code 130."""
-    measure, done = sweep.measure, []
+    measure, done = refinement.measure, []
 
     def interrupted(*arguments):
         if len(done) == 4:
             raise KeyboardInterrupt
         done.append(measure(*arguments))
         return done[-1]
-    monkeypatch.setattr(sweep, 'measure', interrupted)
+    monkeypatch.setattr(refinement, 'measure', interrupted)
     assert cli.main(['report', '--quick', '--out', str(tmp_path)]) == 130
     assert len(read(tmp_path / 'errors.csv')) == 4
     assert [path.name for path in tmp_path.glob('*.png')] == ['bounce.png']
@@ -107,8 +107,8 @@ def test_ctrl_c_before_the_first_row(tiny, tmp_path, monkeypatch):
     """An interrupt at once leaves a table without rows and a summary without scenes."""
     def interrupted(*arguments):
         raise KeyboardInterrupt
-    monkeypatch.setattr(sweep, 'measure', interrupted)
-    monkeypatch.setattr(sweep, 'refusal', lambda *arguments: '')
+    monkeypatch.setattr(refinement, 'measure', interrupted)
+    monkeypatch.setattr(refinement, 'refusal', lambda *arguments: '')
     assert cli.main(['report', '--quick', '--out', str(tmp_path)]) == 130
     assert read(tmp_path / 'errors.csv') == []
     assert list(tmp_path.glob('*.png')) == []
@@ -124,7 +124,7 @@ def test_rows_are_written_at_once(tmp_path):
 
 def test_a_refused_way_is_said_to_be(tiny, tmp_path, monkeypatch):
     """A way to step that the scene refuses has no rows, and its reason is in the summary."""
-    monkeypatch.setattr(sweep, 'refusal', lambda scene, setting: 'method: too hard')
+    monkeypatch.setattr(refinement, 'refusal', lambda scene, setting: 'method: too hard')
     assert cli.main(['report', '--quick', '--out', str(tmp_path)]) == 0
     assert read(tmp_path / 'errors.csv') == []
     table = Table()
@@ -188,9 +188,9 @@ def test_of_many_particles_some_are_chosen(tmp_path):
     np.testing.assert_array_equal(chosen[[0, -1]], scene.particles.position[[0, -1]])
 
 
-def test_sweep_is_over_three_decades():
-    """The full sweep covers more than three decades of dt, and the quick one 1.5."""
-    for extent, decades in ((sweep.FULL, 3.0), (sweep.QUICK, 1.5)):
+def test_refinement_is_over_three_decades():
+    """The full refinement covers more than three decades of dt, and the quick one 1.5."""
+    for extent, decades in ((refinement.FULL, 3.0), (refinement.QUICK, 1.5)):
         assert np.log10(max(extent.steps) / min(extent.steps)) > decades
         assert list(extent.steps) == sorted(set(extent.steps))
     assert geometric(1, 8, 4) == (1, 2, 4, 8)
@@ -198,8 +198,8 @@ def test_sweep_is_over_three_decades():
 
 def test_exact_is_swept_over_few_dt():
     """The error of `exact` does not depend on dt: a few are enough."""
-    assert steps_of(WAY._replace(method='exact'), sweep.FULL) == sweep.EXACT_STEPS
-    assert steps_of(WAY, sweep.FULL) == sweep.FULL.steps
+    assert steps_of(WAY._replace(method='exact'), refinement.FULL) == refinement.EXACT_STEPS
+    assert steps_of(WAY, refinement.FULL) == refinement.FULL.steps
 
 
 @pytest.mark.parametrize(('order', 'theory', 'answer'), [

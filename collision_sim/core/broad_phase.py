@@ -1,0 +1,323 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Broad phase: of many colliders, those that a particle may be near.
+
+A grid lists for each of its cells the colliders whose bounding boxes reach into it; a particle is
+tested against those of its own cell only. Planes, meshes and shapes that particles are kept inside
+of are not in it, nor is anything in scenes of few colliders: these are tested without a grid.
+"""
+
+from typing import NamedTuple
+
+from collision_sim.core.jit import formula, inlined, kernel
+from collision_sim.core.motion import TURN
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, SIDE, signed_distance, SIZE,
+                                       SPHERE)
+from collision_sim.core.vectors import EPSILON
+import numpy as np
+
+MANY = 8                        # colliders; for fewer a grid brings nothing
+CELLS = 16                      # cells for each collider in the grid, about
+MOST_CELLS = 1 << 16
+BOUNDED = (SPHERE, BOX, CAPSULE, CYLINDER)
+
+
+class Grid(NamedTuple):
+    """
+    Which colliders reach into which cell.
+
+    low, high (3,) [m]: corners; per_metre (3,) [1/m]: cells per length; counts (3,): cells along
+    each axis; starts (cells + 1,) int64: first entry of a cell in items; items int64: colliders;
+    others int64: colliders that are not in the grid.
+    """
+
+    low: tuple
+    high: tuple
+    per_metre: tuple
+    counts: tuple
+    starts: np.ndarray
+    items: np.ndarray
+    others: np.ndarray
+
+
+@inlined
+def how_many(chosen, table):
+    """Count of the colliders that are chosen: entries of `chosen`, or all where that is None."""
+    if chosen is not None:
+        return chosen.shape[0]
+    return table.shape[0]
+
+
+@inlined
+def nth(chosen, m):
+    """Collider number m of those that are chosen."""
+    if chosen is not None:
+        return chosen[m]
+    return m
+
+
+@kernel
+def others_of(grid):
+    """Colliders that are not in the grid; None, for all, without one."""
+    if grid is not None:
+        return grid.others
+    return None
+
+
+def in_grid(table):
+    """Say which colliders (C, COLUMNS) belong into a grid, as indices; none if they are few."""
+    bounded = np.isin(table[:, KIND], BOUNDED) & (table[:, SIDE] > 0.0)
+    return np.flatnonzero(bounded) if np.sum(bounded) >= MANY else np.empty(0, dtype=np.int64)
+
+
+def _extents(table, poses):
+    """Half edges (S, C, 3) [m] of the boxes along the axes that bound colliders."""
+    sizes, kinds = table[:, SIZE:SIZE + 3], table[:, KIND]
+    axes = np.abs(poses[:, :, :9].reshape(*poses.shape[:2], 3, 3))
+    boxes = axes @ sizes[:, :, None]
+    along = axes[:, :, :, 2] * sizes[:, 1:2]
+    across = np.sqrt(np.maximum(1.0 - np.square(axes[:, :, :, 2]), 0.0)) * sizes[:, :1]
+    return np.select(
+        [(kinds == kind)[None, :, None] for kind in BOUNDED],
+        [np.broadcast_to(sizes[None, :, :1], along.shape), boxes[..., 0],
+         along + sizes[:, :1], along + across])
+
+
+def _bounds(table, poses, motion, reach):
+    """Corners (C, 3) and (C, 3) of boxes that hold colliders during steps that are laid out."""
+    extents = _extents(table, poses)
+    if motion is not None:
+        turns = np.abs(motion[:, :, TURN:TURN + 3]).max(axis=(0, 2)) > 0.0
+        spheres = np.linalg.norm(table[:, SIZE:SIZE + 3], axis=1) * 2.0
+        extents = np.where(turns[None, :, None], spheres[None, :, None], extents)
+    places = poses[:, :, 9:]
+    extents = extents * (1.0 + 1e-12) + 16.0 * EPSILON * np.abs(places) + reach
+    return (places - extents).min(axis=0), (places + extents).max(axis=0)
+
+
+@kernel
+def _cell(low, per_metre, count, x):
+    """Cell along one axis in which a coordinate is; the outermost ones go on for ever."""
+    k = (x - low) * per_metre
+    return int(k) if 0.0 < k < count - 1.0 else (0 if k < 1.0 else count - 1)
+
+
+@formula
+def _fill(grid, lows, highs, which, fills):
+    """Count the entries of each cell in grid.starts, or with `fills` write them to grid.items."""
+    nx, ny = grid.counts[0], grid.counts[1]
+    for m in range(which.shape[0]):
+        c = which[m]
+        first, last = (0, 0, 0), (0, 0, 0)
+        first = (_cell(grid.low[0], grid.per_metre[0], nx, lows[c, 0]),
+                 _cell(grid.low[1], grid.per_metre[1], ny, lows[c, 1]),
+                 _cell(grid.low[2], grid.per_metre[2], grid.counts[2], lows[c, 2]))
+        last = (_cell(grid.low[0], grid.per_metre[0], nx, highs[c, 0]),
+                _cell(grid.low[1], grid.per_metre[1], ny, highs[c, 1]),
+                _cell(grid.low[2], grid.per_metre[2], grid.counts[2], highs[c, 2]))
+        for z in range(first[2], last[2] + 1):
+            for y in range(first[1], last[1] + 1):
+                for x in range(first[0], last[0] + 1):
+                    cell = x + nx * (y + ny * z)
+                    if fills:
+                        grid.items[grid.starts[cell]] = c
+                        grid.starts[cell] += 1
+                    else:
+                        grid.starts[cell + 1] += 1
+
+
+def make_grid(table, poses, motion, reach):
+    """
+    Lay out a grid over the colliders of a scene.
+
+    Parameters
+    ----------
+    table : (C, shapes.COLUMNS) float64
+        The colliders.
+    poses : (S + 1, C, 12) float64
+        Of all steps that the grid is for.
+    motion : (S, C, motion.MOTION) float64 or None
+        How the colliders move.
+    reach : float [m]
+        Largest radius of a particle.
+
+    Returns
+    -------
+    Grid or None
+        None where there are few colliders.
+
+    """
+    which = in_grid(table)
+    if not len(which):
+        return None
+    lows, highs = _bounds(table, poses, motion, reach)
+    low, high = lows[which].min(axis=0), highs[which].max(axis=0)
+    extent = np.maximum(high - low, 1e-9 * np.max(high - low))
+    edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
+    counts = np.clip(np.ceil(extent / edge), 1, int(np.cbrt(MOST_CELLS))).astype(np.int64)
+    starts = np.zeros(np.prod(counts) + 1, dtype=np.int64)
+    grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
+                tuple(counts.tolist()), starts, np.empty(0, dtype=np.int64),
+                np.setdiff1d(np.arange(len(table)), which))
+    _fill(grid, lows, highs, which, False)
+    np.cumsum(starts, out=starts)
+    grid = grid._replace(items=np.empty(starts[-1], dtype=np.int64))
+    _fill(grid, lows, highs, which, True)
+    starts[1:] = starts[:-1]
+    starts[0] = 0
+    return grid
+
+
+@kernel
+def _range(grid, axis, x, reach):
+    """First and last cell along an axis within reach [m] of a coordinate."""
+    low, per_metre, count = grid.low[axis], grid.per_metre[axis], grid.counts[axis]
+    return (_cell(low, per_metre, count, x - reach), _cell(low, per_metre, count, x + reach))
+
+
+@kernel
+def _apart(grid, x, y, z, reach):
+    """Whether a point is further than reach [m] from the whole grid."""
+    return (x + reach < grid.low[0] or x - reach > grid.high[0]
+            or y + reach < grid.low[1] or y - reach > grid.high[1]
+            or z + reach < grid.low[2] or z - reach > grid.high[2])
+
+
+@kernel
+def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, x, y, z):
+    """Least distance [m] of a point to the colliders of a cell, less its own."""
+    clear = 1.0
+    for m in range(grid.starts[cell], grid.starts[cell + 1]):
+        c = grid.items[m]
+        if c != skip:
+            phi = signed_distance(present, table, poses, end, c, (x, y, z))[0]
+            clear = min(clear, phi - near - _margin_at(margins, c))
+    return clear
+
+
+@kernel
+def _margin_at(margins, c):
+    if margins is not None:
+        return margins[c]
+    return 0.0
+
+
+@kernel
+def _length_at(radius, margins, i):
+    """How far the way of a particle reaches from its end [m]: with sweeps only."""
+    if margins is not None:
+        return radius[i]
+    return 0.0
+
+
+@kernel
+def _radius_at(radius, i):
+    if radius is not None:
+        return radius[i]
+    return 0.0
+
+
+@kernel
+def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear):
+    """
+    Lower `clear` for the particles of a block that may touch a collider in the grid.
+
+    Parameters
+    ----------
+    grid : Grid or None
+        None where there is none.
+    present, table, poses
+        As in shapes.signed_distance.
+    end : int
+        Row of poses at the end of the step.
+    skip : int
+        Collider that is left out.
+    radius, margins, x, y, z, clear
+        As in blocks.find_touching.
+
+    """
+    if grid is not None:
+        nx, ny = grid.counts[0], grid.counts[1]
+        for i in range(x.shape[0]):
+            reach, near = _length_at(radius, margins, i), _radius_at(radius, i)
+            if _apart(grid, x[i], y[i], z[i], reach):
+                continue
+            fx, lx = _range(grid, 0, x[i], reach)
+            fy, ly = _range(grid, 1, y[i], reach)
+            fz, lz = _range(grid, 2, z[i], reach)
+            for cz in range(fz, lz + 1):
+                for cy in range(fy, ly + 1):
+                    for cx in range(fx, lx + 1):
+                        cell = cx + nx * (cy + ny * cz)
+                        clear[i] = min(clear[i], _clear_in_cell(
+                            grid, cell, present, table, poses, end, skip, near, margins, x[i],
+                            y[i], z[i]))
+
+
+@kernel
+def _insert(chosen, count, c):
+    """Insert a collider into the ascending first `count` entries of chosen, once; the new count."""
+    m = count
+    while m > 0 and chosen[m - 1] > c:
+        m -= 1
+    if m > 0 and chosen[m - 1] == c:
+        return count
+    for k in range(count, m, -1):
+        chosen[k] = chosen[k - 1]
+    chosen[m] = c
+    return count + 1
+
+
+@kernel
+def choose(grid, x0, reach, chosen):
+    """
+    Choose the colliders that a particle may touch in a step.
+
+    Parameters
+    ----------
+    grid : Grid or None
+        None where there is none.
+    x0 : (3,) tuple of float [m]
+        Start of the step.
+    reach : float [m]
+        How far from there anything of the step may happen.
+    chosen : (C,) int64
+        Scratch.
+
+    Returns
+    -------
+    chosen : (K,) int64 or None
+        Their indices, ascending; None, for all, without a grid.
+
+    """
+    if grid is not None:
+        count = 0
+        for m in range(grid.others.shape[0]):
+            count = _insert(chosen, count, grid.others[m])
+        if _apart(grid, x0[0], x0[1], x0[2], reach):
+            return chosen[:count]
+        nx, ny = grid.counts[0], grid.counts[1]
+        fx, lx = _range(grid, 0, x0[0], reach)
+        fy, ly = _range(grid, 1, x0[1], reach)
+        fz, lz = _range(grid, 2, x0[2], reach)
+        for cz in range(fz, lz + 1):
+            for cy in range(fy, ly + 1):
+                for cx in range(fx, lx + 1):
+                    cell = cx + nx * (cy + ny * cz)
+                    for m in range(grid.starts[cell], grid.starts[cell + 1]):
+                        count = _insert(chosen, count, grid.items[m])
+        return chosen[:count]
+    return None

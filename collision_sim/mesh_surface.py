@@ -1,0 +1,209 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Triangle meshes of a scene: what they are, and how corners and polygons become one.
+
+Equal vertices are merged, polygons are cut into triangles, repeated triangles are dropped and
+neighbours are turned the same way round. A mesh is closed if each of its edges has two triangles;
+it is then turned so that its normals point outward. All else is open, edges with three or more
+triangles included: it stops particles on both sides.
+"""
+
+from dataclasses import dataclass
+from numbers import Integral
+
+from collision_sim.checks import as_list, join, MISSING, read_only, read_vectors, SceneError
+from collision_sim.checks import Vector
+from collision_sim.core.mesh_winding import turn_alike, turn_outward
+from collision_sim.core.polygons import cut, PROBLEMS
+from collision_sim.mesh_files import read_polygons
+import numpy as np
+
+MESH_KEYS = ('file', 'vertices', 'faces')
+VERTEX = Vector('m', 'Vertex')
+LARGEST = 1e30              # m
+MOST_VERTICES = 2 ** 31
+THIN = 2.0 ** -48           # height of a triangle without area, relative to its coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """
+    A triangle mesh in the frame of its collider; the arrays are read-only.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64 [m]
+        All different.
+    faces : (T, 3) int64
+        Triangles; of a closed mesh their corners turn left as seen from outside.
+    closed : bool
+
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    closed: bool
+
+    @property
+    def extent(self) -> float:
+        """Greatest distance of a vertex from the origin [m]."""
+        return float(np.sqrt(np.square(self.vertices).sum(axis=1).max()))
+
+
+def read_mesh(section, path, directory, scale, inside) -> Mesh:
+    """
+    Read the mesh of a collider.
+
+    Parameters
+    ----------
+    section : dict
+        Of the collider: with `file`, or with `vertices` and `faces`.
+    path : str
+        Of the collider.
+    directory : Path
+        Where relative names of files start.
+    scale : float [-]
+        Factor of all lengths.
+    inside : bool
+        Whether the particles are to be kept inside.
+
+    Raises
+    ------
+    SceneError
+        For the first vertex or face that is not allowed, an unreadable file, or an open mesh that
+        is to keep particles inside.
+
+    """
+    if ('file' in section) == ('vertices' in section or 'faces' in section):
+        raise SceneError(path, [key for key in MESH_KEYS if key in section],
+                         'must have either file, or vertices and faces')
+    if 'file' in section:
+        path, value = join(path, 'file'), section['file']
+        polygons = read_polygons(value, path, directory)
+    else:
+        value, path = section.get('faces', MISSING), join(path, 'faces')
+        vertices = read_vectors(section.get('vertices', MISSING),
+                                path.removesuffix('faces') + 'vertices', VERTEX)
+        polygons = vertices, *_read_faces(value, path)
+    vertices, corners, sizes = polygons
+    mesh = make_mesh(scale * vertices, corners, sizes, path, value)
+    if inside and not mesh.closed:
+        raise SceneError(path, value, 'must be closed to keep particles inside: each edge must '
+                                      'have two faces')
+    return mesh
+
+
+def _read_faces(value, path):
+    """Give the corners of polygons one after the other, and how many each has."""
+    faces = as_list(value)
+    if not isinstance(faces, list):
+        raise SceneError(path, value, 'must be a list of faces, each a list of numbers of vertices')
+    for i, face in enumerate(faces):
+        corners = faces[i] = as_list(face)
+        if not isinstance(corners, list) or not all(
+                isinstance(k, Integral) and not isinstance(k, bool) and abs(k) < MOST_VERTICES
+                for k in corners):
+            raise SceneError(f'{path}[{i}]', face, 'must be a list of numbers of vertices')
+    return (np.array([k for face in faces for k in face], dtype=np.int64),
+            np.array([len(face) for face in faces], dtype=np.int64))
+
+
+def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
+    """
+    Make a mesh of polygons.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64 [m]
+    corners : (sum of sizes,) int64
+        Vertices of the polygons, one after the other.
+    sizes : (P,) int64
+        How many corners each polygon has.
+    path, value : str, object
+        Of the key that the mesh stands under, for errors.
+
+    Raises
+    ------
+    SceneError
+        For the first vertex or face that is not allowed.
+
+    """
+    _check(vertices, corners, sizes, path, value)
+    vertices, numbers = merged(vertices)
+    faces, polygons, problem = cut(vertices, numbers[corners], sizes)
+    if problem in PROBLEMS:
+        raise SceneError(path, value, f'face {polygons[-1]} {PROBLEMS[problem]}')
+    flat = np.flatnonzero(_heights(vertices[faces]) <= THIN * np.abs(vertices).max())
+    if len(flat):
+        raise SceneError(path, value, f'face {polygons[flat[0]]} has no area')
+    faces, parts, closed = turn_alike(_without_repeats(faces))
+    if closed:
+        faces = turn_outward(vertices, faces, parts)
+    used, numbers = np.unique(faces, return_inverse=True)
+    return Mesh(read_only(vertices[used]), read_only(numbers.reshape(-1, 3)), closed)
+
+
+def _check(vertices, corners, sizes, path, value):
+    """Raise SceneError for the first vertex or face that cannot be."""
+    if not len(sizes):
+        raise SceneError(path, value, 'must have at least one face')
+    bad = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
+    if len(bad):
+        raise SceneError(path, value, f'vertex {bad[0]} must be 3 finite numbers, none beyond '
+                                      f'{LARGEST:g} m')
+    few = np.flatnonzero(sizes < 3)
+    if len(few):
+        raise SceneError(path, value, f'face {few[0]} must have at least 3 corners, not '
+                                      f'{sizes[few[0]]}')
+    out = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+    if len(out):
+        face = np.searchsorted(np.cumsum(sizes), out[0], side='right')
+        raise SceneError(path, value, f'face {face}: corner {corners[out[0]]} is out of range '
+                                      f'({len(vertices)} vertices)')
+
+
+def merged(vertices):
+    """Give the different vertices (U, 3) in the order of their first use, and numbers (V,)."""
+    vertices = vertices + 0.0           # so that -0 is 0
+    order = np.lexsort(vertices.T)
+    step = np.any(np.diff(vertices[order], axis=0) != 0.0, axis=1)
+    group = np.empty(len(vertices), dtype=np.int64)
+    group[order] = np.concatenate([[0], np.cumsum(step)])
+    _, first, numbers = np.unique(group, return_index=True, return_inverse=True)
+    place = np.argsort(first, kind='stable')
+    rank = np.empty_like(place)
+    rank[place] = np.arange(len(place))
+    return vertices[first[place]], rank[numbers]
+
+
+def _heights(corners):
+    """Smallest height [m] of triangles (T, 3, 3), (T,); 0 where corners fall together."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.sqrt(np.square(edges).sum(axis=2)).max(axis=1)
+    area = np.sqrt(np.square(np.cross(edges[:, 0], edges[:, 1])).sum(axis=1))
+    return np.divide(area, longest, out=np.zeros_like(area), where=longest > 0.0)
+
+
+def _without_repeats(faces):
+    """Drop triangles with the same three corners as one before, whichever way round."""
+    low, middle, high = np.sort(faces, axis=1).T
+    order = np.lexsort((high, middle, low))
+    same = ((np.diff(low[order]) == 0) & (np.diff(middle[order]) == 0)
+            & (np.diff(high[order]) == 0))
+    keep = np.ones(len(faces), dtype=bool)
+    keep[order[1:][same]] = False
+    return faces[keep]
