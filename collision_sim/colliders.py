@@ -56,6 +56,7 @@ SHAPES = {  # the keys that a shape adds to those of every collider
     'cylinder': {'radius': _LENGTH, 'length': _LENGTH, **_BODY},
     'mesh': {'scale': Number('', 'Factor of all lengths of the mesh', low=0, above=True), **_BODY},
 }
+MESH_METHODS = ('single_pass', 'multi_pass', 'collision_then_contact')
 _SIZE_KEYS = ('radius', 'size', 'length')
 
 
@@ -127,8 +128,25 @@ class Collider:
         return self.topic is not None or self.motion is not None
 
 
-def read_colliders(value, directory) -> tuple[Collider, ...]:
-    """Read the list of colliders; relative names of files start in `directory`."""
+def read_colliders(value, directory, method) -> tuple[Collider, ...]:
+    """
+    Read the colliders of a scene.
+
+    Parameters
+    ----------
+    value : list
+        As it stands in the scene.
+    directory : Path
+        Where relative names of files start.
+    method : str
+        By which the scene is stepped.
+
+    Raises
+    ------
+    SceneError
+        For the first value that is not allowed.
+
+    """
     entries = [] if value is None else as_list(value)
     if not isinstance(entries, list):
         raise SceneError('colliders', value, 'must be a list of colliders')
@@ -136,7 +154,29 @@ def read_colliders(value, directory) -> tuple[Collider, ...]:
     for index, entry in enumerate(entries):
         collider = _read_collider(entry, f'colliders[{index}]', colliders, directory)
         colliders[collider.name] = collider
+    check_method(colliders.values(), method)
     return tuple(colliders.values())
+
+
+def check_method(colliders, method):
+    """
+    Check that a method of stepping can treat all colliders.
+
+    Parameters
+    ----------
+    colliders : iterable of Collider
+    method : str
+
+    Raises
+    ------
+    SceneError
+        For a mesh with a method that needs surfaces without edges.
+
+    """
+    meshes = [collider.name for collider in colliders if collider.mesh]
+    if meshes and method not in MESH_METHODS:
+        raise SceneError('stepping.method', method, f'must be one of {", ".join(MESH_METHODS)} '
+                                                    f'where a collider ({meshes[0]}) is a mesh')
 
 
 def _read_collider(value, path, others, directory) -> Collider:

@@ -19,9 +19,9 @@ Only simulations that have some of them have a Coupling. The arithmetic is in co
 core/pairs.py.
 """
 
-from collision_sim.core.candidates import Candidates, fly_freely
+from collision_sim.core.candidates import Candidates
 from collision_sim.core.rules import CHECKS
-from collision_sim.core.stepping import BLOCK
+from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 import numpy as np
 
@@ -46,6 +46,7 @@ class Coupling:
         shape = 3, len(scene.particles.position)
         self._candidates = Candidates(np.empty(shape), np.empty(shape))
         self._solver = None
+        self._pairs = PairSolver(scene) if scene.pairs else None
         self.adopt(scene)
 
     def adopt(self, scene):
@@ -56,18 +57,14 @@ class Coupling:
             solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
             self._solver = solver(scene)
 
-    def step(self, rules, ledger, x, v, threads, strike=None):
+    def step(self, parts, threads, strike=None):
         """
         Lay out the candidates of the next step.
 
         Parameters
         ----------
-        rules : rules.Rules
-            What the step does.
-        ledger : ledger.Ledger or None
-            Written.
-        x, v : (3, N) float64 [m], [m/s]
-            State at the start of the step; v is written where pairs collide.
+        parts : plan.Parts
+            Of the step; the ledger is written, and v where somebody collides.
         threads : int
             Most threads to use.
         strike : callable or None
@@ -80,10 +77,20 @@ class Coupling:
 
         """
         if self._solver:
-            self._stretch(rules.flight, ledger, x, v, threads, strike)
-        else:
-            fly_freely(rules.flight, v, ledger, BLOCK, self._candidates)
+            self._stretch(parts.rules.flight, parts.ledger, parts.x, parts.v, threads, strike)
+        if self._pairs:
+            self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
         return self._candidates
+
+    def adopt_rules(self, scene, rules):
+        """Take the scene of a substep, and its rules."""
+        if self._pairs:
+            self._pairs.adopt(scene, rules)
+
+    def reset(self):
+        """Forget what the last step has left for the next one."""
+        if self._pairs:
+            self._pairs.forget()
 
     def _stretch(self, flight, ledger, x, v, threads, strike):
         """Lay out candidates with springs, from the velocities after the collision stage."""

@@ -23,11 +23,12 @@ ready.
 from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
+from collision_sim.core.broad_phase import in_grid, make_grid
 from collision_sim.core.courses import fill_courses
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
                                        MOTION, POSE, script_poses, START, TWIST)
 from collision_sim.core.rotation import quaternion
-from collision_sim.tables import frames, pose_rows, scripts
+from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
 
 NO_CHORDS = np.full((2, TWIST), np.nan)     # of a collider that has not moved
@@ -71,6 +72,10 @@ class Kinematics:
         For the event-driven method.
     row : int
         Row of `poses` that is now, and of `motion` that is the next step.
+    grid : broad_phase.Grid or None
+        Over the colliders that are laid out; None where they are few.
+    laid_out : int
+        Changes whenever other arrays than before are laid out.
 
     """
 
@@ -83,6 +88,9 @@ class Kinematics:
             pose_rows(frame, [collider.position], [collider.orientation])
             for frame, collider in zip(self._frames, scene.colliders)]).reshape(-1, POSE)
         self._may_move = any(collider.moving for collider in scene.colliders)
+        self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
+        self._many = not self._exact and len(in_grid(self._table)) > 0
+        self.laid_out = 0
         self.reset()
 
     def reset(self):
@@ -93,6 +101,13 @@ class Kinematics:
         self._chords = {}
         self._given = {}
         self._moves = self._may_move
+        self._renew()
+
+    def _renew(self):
+        """Note that poses have been laid out anew, and lay out the grid over them."""
+        self.laid_out += 1
+        self.grid = make_grid(self._table, self.poses, self.motion, self._reach) \
+            if self._many else None
 
     @property
     def now(self):
@@ -145,9 +160,11 @@ class Kinematics:
         tracks, self._tracks = self._tracks, {}
         if not (tracks or self._chords or self._exact):
             most = max(most, AHEAD)
-        steps = min([most, MOST_AHEAD, *(len(track.poses) for track in tracks.values())])
+        steps = min([most, AHEAD if self._many else MOST_AHEAD,
+                     *(len(track.poses) for track in tracks.values())])
         now, self.row = self.now.copy(), 0
-        if len(self.poses) != steps + 1 or self.motion is None:
+        new = len(self.poses) != steps + 1 or self.motion is None
+        if new:
             self.poses = np.empty((steps + 1, *now.shape[1:]))
             self.motion = np.empty((steps, now.shape[1], MOTION))
         self.poses[:] = now
@@ -158,6 +175,8 @@ class Kinematics:
             self._follow(k, track, steps)
         self._rest(tracks, steps)
         fill_turns(self.poses, self.motion)
+        if new or self._many:
+            self._renew()
         if self._exact:
             self.courses = fill_courses(self.poses, self.motion, self._scripted, self._scripts,
                                         first, dt)
@@ -212,6 +231,7 @@ class Kinematics:
         q = _unit(f'colliders.{name}.orientation', orientation, 1)
         self.poses, self.row = self.now.copy(), 0
         self.poses[0, k] = pose_rows(self._frames[k], p, q)[0]
+        self._renew()
         for history in (self._tracks, self._chords, self._given):
             history.pop(k, None)
 

@@ -29,6 +29,7 @@ from collision_sim.checks import read_yaml, SceneError, unknown, Vector
 from collision_sim.colliders import Collider, read_colliders, RESTITUTION, Vector3
 from collision_sim.friction import (FRICTION, Friction, friction_parameters, read_friction,
                                     with_friction)
+from collision_sim.pairs import Pairs, read_pairs
 from collision_sim.particles import Particles, read_particles
 from collision_sim.springs import read_springs, Springs
 
@@ -114,8 +115,8 @@ class Scene:
         Both are defaults of every collider.
     colliders : tuple of Collider
     stepping : Stepping
-    pairs, springs : None
-        Placeholder.
+    pairs : Pairs or None
+    springs : Springs or None
 
     """
 
@@ -126,7 +127,7 @@ class Scene:
     friction: Friction
     colliders: tuple[Collider, ...]
     stepping: Stepping
-    pairs: None = None
+    pairs: Pairs | None = None
     springs: Springs | None = None
 
     @classmethod
@@ -159,8 +160,9 @@ class Scene:
             particles=particles,
             restitution=leaves.get('restitution', 0.0),
             friction=read_friction(section.get('friction'), 'friction') or Friction(),
-            colliders=read_colliders(section.get('colliders'), Path(directory)),
+            colliders=read_colliders(section.get('colliders'), directory, stepping.method),
             stepping=stepping,
+            pairs=read_pairs(section.get('pairs'), particles, stepping),
             springs=read_springs(section.get('springs'), particles, stepping, directory))
 
     def collider(self, name) -> Collider:
@@ -192,6 +194,8 @@ class Scene:
             restitution = self.restitution_of(collider)
             found[f'{path}.restitution'] = RESTITUTION.parameter(restitution)
             found |= friction_parameters(self.friction_of(collider), f'{path}.friction')
+        if self.pairs is not None:
+            found |= self.pairs.parameters(self)
         if self.springs is not None:
             found |= self.springs.parameters()
         found['stepping.iterations'] = STEPPING['iterations'].parameter(self.stepping.iterations)
@@ -231,6 +235,8 @@ class Scene:
                 friction = self.friction_of(self.collider(name))
                 friction = with_friction(friction, keys, value, path)
                 return self._with_collider(name, friction=friction)
+            case ['pairs', *keys] if self.pairs is not None and self.pairs.has(keys):
+                return replace(self, pairs=self.pairs.with_parameter(self, keys, value, path))
             case ['springs', _] if self.springs is not None and (
                     path in self.springs.parameters()):
                 return replace(self, springs=self.springs.with_parameter(

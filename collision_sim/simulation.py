@@ -116,6 +116,8 @@ class Simulation:
         if self._coupling:
             self._coupling.adopt(scene)
         self._rules = step_rules(self._part(scene), self._table, self._meshes)
+        if self._coupling:
+            self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self._ledger = self._books.ledger(scene) if self._books else None
         self._plan = None
@@ -137,6 +139,8 @@ class Simulation:
         self._since, self._count = 0.0, 0
         self._accounts[:] = 0
         self._colliders.reset()
+        if self._coupling:
+            self._coupling.reset()
         if self._books:
             self._books.clear()
 
@@ -330,15 +334,15 @@ class Simulation:
             for poses, motion in self._each_substep(steps):
                 self._step_coupled(self._parts(rules, poses, motion), threads)
             return
-        if self._plan is None or self._planned is not colliders.poses:
+        if self._plan is None or self._laid_out != colliders.laid_out:
             self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
-            self._planned = colliders.poses
+            self._laid_out = colliders.laid_out
         share(step_blocks, threads, self._plan, steps, colliders.row)
 
     def _parts(self, rules, poses, motion):
         """Give what a plan is made of."""
         return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
-                     self._notes, self._x, self._v, self._ledger, None)
+                     self._notes, self._x, self._v, self._ledger, None, self._colliders.grid)
 
     def _step_coupled(self, parts, threads):
         """Take one substep of particles that act on each other."""
@@ -351,8 +355,7 @@ class Simulation:
             return accounts[:, N_COLLISION].sum() > before
 
         accounts[:, N_LOGGED] = 0
-        candidates = self._coupling.step(rules, parts.ledger, parts.x, parts.v,
-                                         self._threads or numba.get_num_threads(),
+        candidates = self._coupling.step(parts, self._threads or numba.get_num_threads(),
                                          strike if rules.checks and len(self._table) else None)
         share(step_blocks, threads, make_plan(parts._replace(candidates=candidates)), 1, 0)
 

@@ -74,9 +74,9 @@ class ImplicitSprings:
     """
     Springs of a scene, stepped by backward Euler as core/implicit_springs.py says.
 
-    One linearisation at the start of the step is the linearly implicit method of Baraff and Witkin.
-    Backward Euler itself cannot bring energy: v.(m dv) is at most what the springs lose. Where a
-    linearisation does not keep to that, as where stiff springs turn, it is repeated at its result.
+    One linearisation at the start of the step is the method of Baraff and Witkin. Backward Euler
+    itself cannot bring energy: v.(m dv) is at most what the springs lose. Where a linearisation
+    does not keep to that, as where stiff springs turn, it is repeated at its result.
     Narrow networks (strings, ribbons) are solved by SuperLU, wide ones by conjugate gradients.
 
     Parameters
@@ -149,7 +149,8 @@ class LinearSystem:
         from scipy import sparse
         size, widths = len(equations.members), np.diff(equations.blocks)
         own = np.repeat(np.arange(size), widths)
-        pattern = sparse.csr_matrix((np.ones(len(columns)), columns, equations.blocks), (size, size))
+        pattern = sparse.csr_matrix((np.ones(len(columns)), columns, equations.blocks),
+                                    (size, size))
         order = sparse.csgraph.reverse_cuthill_mckee(pattern, symmetric_mode=True)
         place = np.argsort(order)
         self._narrow = np.max(np.abs(place[own] - place[columns]), initial=0) <= NARROW
@@ -184,7 +185,7 @@ class LinearSystem:
         assemble(equations, y, v, w, dt, first, self._matrix.data, self._right)
         solve = self._eliminate if self._narrow else self._iterate
         dv = solve().reshape(-1, 3).T
-        for each, change in zip(dv, (v + 0.0 - w)[:, equations.members]):
+        for each, change in zip(dv, (v - w)[:, equations.members]):
             lost = np.bincount(self._body, self._mass * (each + change)) / self._total
             each -= lost[self._body]
         return dv

@@ -19,13 +19,14 @@ A row for each collider: shape and laws (shapes.py), pose at the start, script o
 (motion.py). Done when a simulation starts and when a parameter changes, never in a step.
 """
 
+from collision_sim.colliders import check_method
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
 from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import POSE, SCRIPT
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.rules import Rules
-from collision_sim.core.shapes import COLUMNS, KIND, Present, SHAPES, SIZE
+from collision_sim.core.shapes import COLUMNS, KIND, Present, RESTITUTION, SHAPES, SIZE
 from collision_sim.core.sustained import BLINK, Forces
 from collision_sim.scene import Drag
 import numpy as np
@@ -48,6 +49,15 @@ def collider_table(scene):
     return table
 
 
+def pair_row(scene):
+    """Laws of pairs, as a row of the table of colliders."""
+    friction, row = scene.pairs.friction_in(scene), np.zeros(COLUMNS)
+    row[RESTITUTION:] = (scene.pairs.restitution_in(scene), friction.static or 0.0,
+                         friction.kinetic or 0.0, friction.wet or 0.0,
+                         WET_FORMS[friction.wet_form])
+    return row
+
+
 def _used(flags):
     """1 if any flag is set, else None, for which nothing is compiled."""
     return 1 if any(flags) else None
@@ -55,6 +65,7 @@ def _used(flags):
 
 def mesh_tables(scene):
     """Give the meshes of a scene as mesh.Meshes; None where there are none."""
+    check_method(scene.colliders, scene.stepping.method)
     meshes = [mesh_arrays(collider.mesh.vertices, collider.mesh.faces, collider.mesh.closed)
               for collider in scene.colliders if collider.mesh]
     return joined(meshes) if meshes else None

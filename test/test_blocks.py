@@ -32,8 +32,8 @@ def touching(table, poses, radius, x):
     present = shapes.Present(1, 1, 1, 1, 1)
     count, clear = x.shape[1], np.empty(x.shape[1])
     found, distance = np.empty(count + 1, dtype=np.int64), np.empty(count)
-    n = blocks.find_touching(present, table, poses[0], radius, None, x[0], x[1], x[2], clear,
-                             found)
+    n = blocks.find_touching(None, present, table, poses, 0, radius, None, x[0], x[1], x[2], clear,
+                             None, found)
     for i in range(count):
         point = (x[0, i], x[1, i], x[2, i])
         distance[i] = shapes.signed_distance(present, table, poses, 0, 0, point)[0] - radius[i]

@@ -486,7 +486,7 @@ def test_messages(path, value, message):
 
 @pytest.mark.parametrize('path, key, nearest', [
     (['restituton'], 'restituton', 'restitution'),
-    (['springs'], 'springs', 'stepping'),
+    (['springs', 'stifness'], 'springs.stifness', 'stiffness'),
     (['pairs'], 'pairs', 'particles'),
     ([5], '5', None),
     ([None], 'None', None),

@@ -21,6 +21,8 @@ shapes.py or errs towards "may touch", and the few particles that may touch are 
 by one by response.py.
 """
 
+from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others_of,
+                                            radius_at)
 from collision_sim.core.flight import affine, quadratic_factor
 from collision_sim.core.jit import kernel
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
@@ -28,14 +30,6 @@ import numpy as np
 
 NONE = -1               # no collider to leave out
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
-
-
-@kernel
-def radius_at(radius, i):
-    """Radius [m] of particle i; 0 where the particles are points (None)."""
-    if radius is not None:
-        return radius[i]
-    return 0.0
 
 
 @kernel
@@ -130,9 +124,10 @@ def _square_limit(size, side, r):
 
 
 @kernel
-def _clear_planes(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     if present is not None:
-        for c in range(table.shape[0]):
+        for m in range(how_many(chosen, table)):
+            c = nth(chosen, m)
             margin = margin_at(margins, c)
             if table[c, KIND] != PLANE or c == skip:
                 continue
@@ -144,9 +139,10 @@ def _clear_planes(present, table, poses, skip, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_spheres(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     if present is not None:
-        for c in range(table.shape[0]):
+        for m in range(how_many(chosen, table)):
+            c = nth(chosen, m)
             margin = margin_at(margins, c)
             if table[c, KIND] != SPHERE or c == skip:
                 continue
@@ -160,9 +156,10 @@ def _clear_spheres(present, table, poses, skip, radius, margins, x, y, z, clear)
 
 
 @kernel
-def _clear_boxes(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     if present is not None:
-        for c in range(table.shape[0]):
+        for m in range(how_many(chosen, table)):
+            c = nth(chosen, m)
             margin = margin_at(margins, c)
             if table[c, KIND] != BOX or c == skip:
                 continue
@@ -180,9 +177,10 @@ def _clear_boxes(present, table, poses, skip, radius, margins, x, y, z, clear):
 
 
 @kernel
-def _clear_capsules(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     if present is not None:
-        for c in range(table.shape[0]):
+        for m in range(how_many(chosen, table)):
+            c = nth(chosen, m)
             margin = margin_at(margins, c)
             if table[c, KIND] != CAPSULE or c == skip:
                 continue
@@ -200,9 +198,10 @@ def _clear_capsules(present, table, poses, skip, radius, margins, x, y, z, clear
 
 
 @kernel
-def _clear_cylinders(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     if present is not None:
-        for c in range(table.shape[0]):
+        for m in range(how_many(chosen, table)):
+            c = nth(chosen, m)
             margin = margin_at(margins, c)
             if table[c, KIND] != CYLINDER or c == skip:
                 continue
@@ -229,41 +228,51 @@ def path_lengths(x, y, z, old, radius, lengths):
 
 
 @kernel
-def _clear_all(present, table, poses, skip, radius, margins, x, y, z, clear):
+def _clear_all(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells):
     """Write how clear particles are of all colliders but one; negative: may touch."""
+    chosen = others_of(grid)
     for i in range(clear.shape[0]):
         clear[i] = 1.0
-    _clear_planes(present.planes, table, poses, skip, radius, margins, x, y, z, clear)
-    _clear_spheres(present.spheres, table, poses, skip, radius, margins, x, y, z, clear)
-    _clear_boxes(present.boxes, table, poses, skip, radius, margins, x, y, z, clear)
-    _clear_capsules(present.capsules, table, poses, skip, radius, margins, x, y, z, clear)
-    _clear_cylinders(present.cylinders, table, poses, skip, radius, margins, x, y, z, clear)
+    _clear_planes(present.planes, table, poses[end], chosen, skip, radius, margins, x, y, z,
+                  clear)
+    _clear_spheres(present.spheres, table, poses[end], chosen, skip, radius, margins, x, y, z,
+                   clear)
+    _clear_boxes(present.boxes, table, poses[end], chosen, skip, radius, margins, x, y, z,
+                 clear)
+    _clear_capsules(present.capsules, table, poses[end], chosen, skip, radius, margins, x, y, z,
+                    clear)
+    _clear_cylinders(present.cylinders, table, poses[end], chosen, skip, radius, margins, x, y, z,
+                     clear)
+    clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells)
 
 
 @kernel
-def clear_of_others(present, table, poses, c, radius, x, y, z, clear):
+def clear_of_others(grid, present, table, poses, end, c, radius, x, y, z, clear, cells):
     """Write how clear particles are of all colliders but c, as in `find_touching`."""
-    _clear_all(present, table, poses, c, radius, None, x, y, z, clear)
+    _clear_all(grid, present, table, poses, end, c, radius, None, x, y, z, clear, cells)
 
 
 @kernel
-def find_touching(present, table, poses, radius, margins, x, y, z, clear, touching):
+def find_touching(grid, present, table, poses, end, radius, margins, x, y, z, clear, cells,
+                  touching):
     """
     Particles of a block that may be inside a collider.
 
     Parameters
     ----------
-    present, table
+    grid : broad_phase.Grid or None
+        None in scenes of few colliders.
+    present, table, poses
         As in shapes.signed_distance.
-    poses : (C, 12) float64
-        Poses at the end of the step.
+    end : int
+        Row of poses at the end of the step.
     radius : (B,) float64 [m] or None
         Of the particles of the block; with sweeps also the length of their paths.
     margins : (C,) float64 [m] or None
         With sweeps, how far each collider came.
     x, y, z : (B,) float64 [m]
         Candidate positions.
-    clear, touching : (B,) float64, (B,) int64
+    clear, cells, touching : (B,) float64, (B,) float64, (B,) int64
         Scratch, and the result: which particles of the block, ascending.
 
     Returns
@@ -272,7 +281,8 @@ def find_touching(present, table, poses, radius, margins, x, y, z, clear, touchi
         How many entries of `touching` are set.
 
     """
-    _clear_all(present, table, poses, NONE, radius, margins, x, y, z, clear)
+    _clear_all(grid, present, table, poses, end, NONE, radius, margins, x, y, z, clear,
+               cells)
     count = 0
     for i in range(clear.shape[0]):
         touching[count] = i

@@ -23,9 +23,9 @@ of are not in it, nor is anything in scenes of few colliders: these are tested w
 from typing import NamedTuple
 
 from collision_sim.core.jit import formula, inlined, kernel
-from collision_sim.core.motion import TURN
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, SIDE, signed_distance, SIZE,
-                                       SPHERE)
+from collision_sim.core.motion import SHIFT, TURN
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE,
+                                       signed_distance, SIZE, SPHERE)
 from collision_sim.core.vectors import EPSILON
 import numpy as np
 
@@ -40,17 +40,27 @@ class Grid(NamedTuple):
     Which colliders reach into which cell.
 
     low, high (3,) [m]: corners; per_metre (3,) [1/m]: cells per length; counts (3,): cells along
-    each axis; starts (cells + 1,) int64: first entry of a cell in items; items int64: colliders;
-    others int64: colliders that are not in the grid.
+    each axis; move [m]: most that the surface of a collider moves in a step; starts (cells + 2,)
+    int64: first entry of a cell in items, the last cell is empty and for what is outside; items
+    int64: colliders; others int64: colliders that are not in the grid.
     """
 
     low: tuple
     high: tuple
     per_metre: tuple
     counts: tuple
+    move: float
     starts: np.ndarray
     items: np.ndarray
     others: np.ndarray
+
+
+@kernel
+def radius_at(radius, i):
+    """Radius [m] of particle i; 0 where the particles are points (None)."""
+    if radius is not None:
+        return radius[i]
+    return 0.0
 
 
 @inlined
@@ -101,11 +111,22 @@ def _bounds(table, poses, motion, reach):
     extents = _extents(table, poses)
     if motion is not None:
         turns = np.abs(motion[:, :, TURN:TURN + 3]).max(axis=(0, 2)) > 0.0
-        spheres = np.linalg.norm(table[:, SIZE:SIZE + 3], axis=1) * 2.0
+        spheres = np.linalg.norm(table[:, SIZE:SIZE + 3], axis=1) * 1.5
         extents = np.where(turns[None, :, None], spheres[None, :, None], extents)
     places = poses[:, :, 9:]
     extents = extents * (1.0 + 1e-12) + 16.0 * EPSILON * np.abs(places) + reach
     return (places - extents).min(axis=0), (places + extents).max(axis=0)
+
+
+def _most_move(table, motion):
+    """Most that the surface of a collider moves in a step [m]; infinite where a plane turns."""
+    if motion is None:
+        return 0.0
+    sizes = np.where(table[:, KIND] == PLANE, np.inf, 2.0 * table[:, SIZE:SIZE + 3].sum(axis=1))
+    turns = np.linalg.norm(motion[:, :, TURN:TURN + 3], axis=2)
+    with np.errstate(invalid='ignore'):
+        spins = np.where(turns > 0.0, turns * sizes, 0.0)
+    return float(np.max(np.linalg.norm(motion[:, :, SHIFT:SHIFT + 3], axis=2) + spins))
 
 
 @kernel
@@ -168,10 +189,10 @@ def make_grid(table, poses, motion, reach):
     extent = np.maximum(high - low, 1e-9 * np.max(high - low))
     edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
     counts = np.clip(np.ceil(extent / edge), 1, int(np.cbrt(MOST_CELLS))).astype(np.int64)
-    starts = np.zeros(np.prod(counts) + 1, dtype=np.int64)
+    starts = np.zeros(np.prod(counts) + 2, dtype=np.int64)
     grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
-                tuple(counts.tolist()), starts, np.empty(0, dtype=np.int64),
-                np.setdiff1d(np.arange(len(table)), which))
+                tuple(counts.tolist()), _most_move(table, motion), starts,
+                np.empty(0, dtype=np.int64), np.setdiff1d(np.arange(len(table)), which))
     _fill(grid, lows, highs, which, False)
     np.cumsum(starts, out=starts)
     grid = grid._replace(items=np.empty(starts[-1], dtype=np.int64))
@@ -216,22 +237,43 @@ def _margin_at(margins, c):
 
 
 @kernel
-def _length_at(radius, margins, i):
-    """How far the way of a particle reaches from its end [m]: with sweeps only."""
-    if margins is not None:
-        return radius[i]
-    return 0.0
+def _write_cells(grid, x, y, z, cells):
+    """Write the cell of each particle of a block to `cells`; the last, empty one outside."""
+    nx, ny, nz = float(grid.counts[0]), float(grid.counts[1]), float(grid.counts[2])
+    px, py, pz = grid.per_metre
+    lx, ly, lz = grid.low
+    hx, hy, hz = grid.high
+    for i in range(x.shape[0]):
+        a, b, c = (x[i] - lx) * px, (y[i] - ly) * py, (z[i] - lz) * pz
+        a, b, c = np.floor(a), np.floor(b), np.floor(c)
+        a = 0.0 if a < 0.0 else (nx - 1.0 if a > nx - 1.0 else a)
+        b = 0.0 if b < 0.0 else (ny - 1.0 if b > ny - 1.0 else b)
+        c = 0.0 if c < 0.0 else (nz - 1.0 if c > nz - 1.0 else c)
+        cell = a + nx * (b + ny * c)
+        cell = cell if (x[i] >= lx) & (x[i] <= hx) else nx * ny * nz
+        cell = cell if (y[i] >= ly) & (y[i] <= hy) else nx * ny * nz
+        cells[i] = cell if (z[i] >= lz) & (z[i] <= hz) else nx * ny * nz
 
 
 @kernel
-def _radius_at(radius, i):
-    if radius is not None:
-        return radius[i]
-    return 0.0
+def _clear_on_way(grid, present, table, poses, end, skip, reach, near, margins, x, y, z):
+    """Least distance [m], as `_clear_in_cell`, over the cells within reach [m] of a point."""
+    clear, nx, ny = 1.0, grid.counts[0], grid.counts[1]
+    if _apart(grid, x, y, z, reach):
+        return clear
+    fx, lx = _range(grid, 0, x, reach)
+    fy, ly = _range(grid, 1, y, reach)
+    fz, lz = _range(grid, 2, z, reach)
+    for cz in range(fz, lz + 1):
+        for cy in range(fy, ly + 1):
+            for cx in range(fx, lx + 1):
+                clear = min(clear, _clear_in_cell(grid, cx + nx * (cy + ny * cz), present, table,
+                                                  poses, end, skip, near, margins, x, y, z))
+    return clear
 
 
 @kernel
-def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear):
+def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells):
     """
     Lower `clear` for the particles of a block that may touch a collider in the grid.
 
@@ -247,29 +289,29 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y,
         Collider that is left out.
     radius, margins, x, y, z, clear
         As in blocks.find_touching.
+    cells : (B,) float64
+        Scratch, not used with margins.
 
     """
     if grid is not None:
-        nx, ny = grid.counts[0], grid.counts[1]
-        for i in range(x.shape[0]):
-            reach, near = _length_at(radius, margins, i), _radius_at(radius, i)
-            if _apart(grid, x[i], y[i], z[i], reach):
-                continue
-            fx, lx = _range(grid, 0, x[i], reach)
-            fy, ly = _range(grid, 1, y[i], reach)
-            fz, lz = _range(grid, 2, z[i], reach)
-            for cz in range(fz, lz + 1):
-                for cy in range(fy, ly + 1):
-                    for cx in range(fx, lx + 1):
-                        cell = cx + nx * (cy + ny * cz)
-                        clear[i] = min(clear[i], _clear_in_cell(
-                            grid, cell, present, table, poses, end, skip, near, margins, x[i],
-                            y[i], z[i]))
+        if margins is not None:
+            for i in range(x.shape[0]):
+                near = radius_at(radius, i)
+                clear[i] = min(clear[i], _clear_on_way(
+                    grid, present, table, poses, end, skip, near, near, margins, x[i], y[i], z[i]))
+        else:
+            _write_cells(grid, x, y, z, cells)
+            for i in range(x.shape[0]):
+                cell = int(cells[i])
+                if grid.starts[cell + 1] > grid.starts[cell]:
+                    clear[i] = min(clear[i], _clear_in_cell(
+                        grid, cell, present, table, poses, end, skip, radius_at(radius, i), None,
+                        x[i], y[i], z[i]))
 
 
 @kernel
 def _insert(chosen, count, c):
-    """Insert a collider into the ascending first `count` entries of chosen, once; the new count."""
+    """Insert a collider into the first `count` entries, ascending, once; the new count."""
     m = count
     while m > 0 and chosen[m - 1] > c:
         m -= 1
@@ -282,18 +324,18 @@ def _insert(chosen, count, c):
 
 
 @kernel
-def choose(grid, x0, reach, chosen):
+def choose(grid, table, x0, reach, chosen):
     """
     Choose the colliders that a particle may touch in a step.
 
     Parameters
     ----------
-    grid : Grid or None
-        None where there is none.
+    grid, table : Grid or None, (C, COLUMNS) float64
+        None where there is no grid; the colliders.
     x0 : (3,) tuple of float [m]
         Start of the step.
     reach : float [m]
-        How far from there anything of the step may happen.
+        How far from there anything of the step may happen, the moves of colliders left out.
     chosen : (C,) int64
         Scratch.
 
@@ -304,7 +346,11 @@ def choose(grid, x0, reach, chosen):
 
     """
     if grid is not None:
-        count = 0
+        count, reach = 0, reach + 2.0 * grid.move
+        if not reach < grid.high[0] - grid.low[0] + grid.high[1] - grid.low[1]:
+            for c in range(table.shape[0]):
+                chosen[c] = c
+            return chosen[:table.shape[0]]
         for m in range(grid.others.shape[0]):
             count = _insert(chosen, count, grid.others[m])
         if _apart(grid, x0[0], x0[1], x0[2], reach):

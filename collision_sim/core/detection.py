@@ -20,6 +20,7 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 (`survey_path`). What was only reached by rounding does not count.
 """
 
+from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.mesh_contact import depth_at, mesh_end
@@ -97,7 +98,8 @@ def deepest(rules, here, table, poses, x0, x1):
 
     """
     c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
-    for k in range(table.shape[0]):
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
         phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
         if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
             c, phi, n = k, phi_k, n_k
@@ -204,7 +206,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 
     """
     touch, phi, inside, dt = NOTHING, 0.0, False, rules.flight.dt
-    for k in range(table.shape[0]):
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
         if phi_k >= 0.0:
             continue
@@ -289,7 +292,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     its way, that of `survey` where it touches from the start.
     """
     touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
-    for k in range(table.shape[0]):
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
         depth = starts_inside(rules, here, table, poses, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
@@ -334,7 +338,8 @@ def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
     """
     if sweep is not None:
         dx = subtract(x1, x0)
-        for k in range(table.shape[0]):
+        for m in range(how_many(here.chosen, table)):
+            k = nth(here.chosen, m)
             if starts_inside(rules, here, table, poses, k, x0) > 0.0:
                 continue
             tau, n, arm, _ = first_hit(rules.present, table, poses, motion, here.step, here.start,

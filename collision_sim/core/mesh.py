@@ -198,6 +198,8 @@ def nearest(meshes, m, p, bound):
             continue
         first = int(nodes[i, NEXT])
         for t in range(first, first + count):
+            if abs(height_over(meshes.triangles, t, p)) >= least:
+                continue
             d, q_t, feature_t = triangle_distance(meshes.triangles, t, p)
             if d < least:
                 least, found, feature, q = d, t, feature_t, q_t

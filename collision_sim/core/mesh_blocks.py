@@ -22,6 +22,8 @@ the cells of the grid, then the tree.
 
 from math import inf
 
+from collision_sim.core.broad_phase import radius_at
+from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.jit import kernel
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (box_label, BOX_HIGH, BOX_LOW, FIRST_NODE, INSIDE,
@@ -34,32 +36,30 @@ from collision_sim.core.vectors import length, origin, subtract
 
 
 @kernel
-def _radius_at(radius, i):
-    if radius is not None:
-        return radius[i]
-    return 0.0
-
-
-@kernel
-def _coordinate(poses, row, c, k, x, y, z):
-    """Coordinate k of a point in the frame of collider c."""
-    return (poses[row, c, k] * (x - poses[row, c, 9]) + poses[row, c, 3 + k] * (
-        y - poses[row, c, 10]) + poses[row, c, 6 + k] * (z - poses[row, c, 11]))
+def _near_along(k, heads, m, poses, start, end, c, radius, margin, ox, oy, oz, x, y, z, near):
+    """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
+    low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
+    a0, a1, a2 = poses[start, c, k], poses[start, c, 3 + k], poses[start, c, 6 + k]
+    b0, b1, b2 = poses[end, c, k], poses[end, c, 3 + k], poses[end, c, 6 + k]
+    a3 = a0 * poses[start, c, 9] + a1 * poses[start, c, 10] + a2 * poses[start, c, 11]
+    b3 = b0 * poses[end, c, 9] + b1 * poses[end, c, 10] + b2 * poses[end, c, 11]
+    for i in range(x.shape[0]):
+        a = a0 * ox[i] + a1 * oy[i] + a2 * oz[i] - a3
+        b = b0 * x[i] + b1 * y[i] + b2 * z[i] - b3
+        r = radius_at(radius, i)
+        least, most = (a if a < b else b) - r, (a if a > b else b) + r
+        gap = least - high if least - high > low - most else low - most
+        near[i] = gap if gap > near[i] else near[i]
 
 
 @kernel
 def _near_box(heads, m, poses, start, end, c, radius, margin, old, x, y, z, near):
-    """Write to near (B,) how far the box of each way is from that of a mesh; negative: it meets."""
+    """Write to near (B,) how far each way is from the box of a mesh; 0 or less: it may meet it."""
     for i in range(x.shape[0]):
-        near[i] = -1.0
+        near[i] = 0.0
     for k in range(3):
-        low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
-        for i in range(x.shape[0]):
-            a = _coordinate(poses, start, c, k, old[0, i], old[1, i], old[2, i])
-            b = _coordinate(poses, end, c, k, x[i], y[i], z[i])
-            r = _radius_at(radius, i)
-            least, most = (a if a < b else b) - r, (a if a > b else b) + r
-            near[i] = near[i] if least <= high and most >= low else 1.0
+        _near_along(k, heads, m, poses, start, end, c, radius, margin, old[0], old[1], old[2], x,
+                    y, z, near)
 
 
 @kernel
@@ -110,12 +110,12 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
     margin = inf if turns or side < 0.0 else skin
     _near_box(meshes.heads, m, poses, start, end, c, radius, margin, old, x, y, z, near)
     for i in range(x.shape[0]):
-        if near[i] < 0.0 and clear[i] >= 0.0:
+        if near[i] <= 0.0 and clear[i] >= 0.0:
             x0, x1 = (old[0, i], old[1, i], old[2, i]), (x[i], y[i], z[i])
             arm = subtract(x0, origin(poses, start, c))
             sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
             if _touches(meshes, m, side, to_frame(poses, start, c, x0),
-                        to_frame(poses, end, c, x1), _radius_at(radius, i), skin, sagitta):
+                        to_frame(poses, end, c, x1), radius_at(radius, i), skin, sagitta):
                 clear[i] = -1.0
 
 

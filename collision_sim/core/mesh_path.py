@@ -78,6 +78,13 @@ def _meets_rounds(triangles, sharp, t, a, dx, rho):
 
 
 @inlined
+def _stays_beside(triangles, t, a, b, rho):
+    """Whether the way from a to b stays on one side of the plane of a triangle, beyond rho."""
+    ha, hb = height_over(triangles, t, a), height_over(triangles, t, b)
+    return (ha > rho and hb > rho) or (ha < -rho and hb < -rho)
+
+
+@inlined
 def _meets_face(triangles, t, a, dx, time):
     """Whether the foot of the perpendicular from the ball at a time lies in the triangle."""
     return nearest_on_triangle(triangles, t, add_scaled(a, time, dx))[1] == FACE
@@ -114,8 +121,6 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
     """
     triangles, rho = meshes.triangles, radius + skin
     ha, hb, n = height_over(triangles, t, a), height_over(triangles, t, b), (0.0, 0.0, 1.0)
-    if min(abs(ha), abs(hb)) > rho and ha * hb > 0.0:
-        return UNMET, 0.0, n, False
     if abs(ha) <= ON * skin and triangle_distance(triangles, t, a)[0] <= ON * skin:
         ha = skin if side >= 0.0 else -skin
     s = 1.0 if ha >= 0.0 else -1.0
@@ -185,13 +190,15 @@ def meet(meshes, m, side, a, b, radius, skin):
     nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
     first, phi, n, crossings, dx = UNMET, 0.0, (0.0, 0.0, 1.0), 0, subtract(b, a)
     line, (low, high) = line_through(a, dx), box_of(a, b, radius + skin)
-    middle, half = add_scaled(a, 0.5, dx), scaled(0.5, dx)
+    middle, half, triangles = add_scaled(a, 0.5, dx), scaled(0.5, dx), meshes.triangles
     while i < last:
         if apart(nodes, i, low, high) or _passes_by(nodes, i, middle, half, radius + skin):
             i = after(nodes, i)
             continue
         start = int(nodes[i, NEXT])
         for t in range(start, start + int(nodes[i, COUNT])):
+            if _stays_beside(triangles, t, a, b, radius + skin):
+                continue
             tau_t, phi_t, n_t, crosses = meet_triangle(meshes, t, line, a, b, dx, side, radius,
                                                        skin)
             crossings += crosses

@@ -21,6 +21,7 @@ a Plan is handed over as a pointer.
 
 from typing import NamedTuple, Optional
 
+from collision_sim.core.broad_phase import Grid
 from collision_sim.core.candidates import Candidates
 from collision_sim.core.ledger import Ledger
 from collision_sim.core.rules import Rules
@@ -37,7 +38,8 @@ class Parts(NamedTuple):
     row where nothing moves; motion (S, C, motion.MOTION) or None; radius (N,) [m], None for
     points; log, accounts, notes: of response.py, a segment for each block, log None if nobody
     wants it; x, v (3, N) [m], [m/s]; ledger, None for no ledger; candidates, None where springs
-    and pairs change nothing. All from log on are written, but the candidates.
+    and pairs change nothing; grid, None in scenes of few colliders. All from log to ledger are
+    written.
     """
 
     rules: Rules
@@ -52,6 +54,7 @@ class Parts(NamedTuple):
     v: np.ndarray
     ledger: Optional[Ledger]
     candidates: Optional[Candidates]
+    grid: Optional[Grid]
 
 
 if config.DISABLE_JIT:
@@ -88,4 +91,5 @@ else:
 
         """
         return Plan(parts.rules, parts.table, parts.poses, parts.motion, parts.radius, parts.log,
-                    parts.accounts, parts.notes, parts.x, parts.v, parts.ledger, parts.candidates)
+                    parts.accounts, parts.notes, parts.x, parts.v, parts.ledger, parts.candidates,
+                    parts.grid)

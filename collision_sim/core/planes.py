@@ -23,7 +23,8 @@ left to `resolve`.
 
 from math import sqrt
 
-from collision_sim.core.blocks import clear_of_others, radius_at
+from collision_sim.core.blocks import clear_of_others
+from collision_sim.core.broad_phase import how_many, nth, others_of, radius_at
 from collision_sim.core.detection import approach
 from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond_to_slip, slip_of
@@ -37,6 +38,7 @@ from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, LARGE_SQU
                                         origin, SMALL_SQUARE, subtract)
 
 CHUNK = 64                  # particles answered at a time
+LANES = 8                   # a multiple of the numbers in a vector register
 # Rows of the scratch, CHUNK numbers each; one flat array, so that LLVM knows what may overlap:
 # place and velocity, which particle, its radius; candidate; where it touched, change of velocity,
 # normal velocity of the collision; what happened.
@@ -95,7 +97,7 @@ def _write(s, row, i, a):
 
 @inlined
 def _approach(poses, motion, step, start, end, c, x0, v0):
-    """Give the normal velocity [m/s] of a collision on v0, 0 without one; and that of the plane."""
+    """Give the normal velocity [m/s] of a collision on v0, or 0; and that of the plane."""
     n = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8])
     obj = point_velocity(motion, poses, step, START, start, c, x0)
     return approach(v0, obj, n), obj, n
@@ -178,13 +180,14 @@ def _answer_chunk(rules, table, poses, motion, step, start, end, c, s, count):
 
 
 @kernel
-def _leave_if_touching(present, table, poses, c, row, s, count, clear):
+def _leave_if_touching(grid, present, table, poses, end, c, row, s, count, clear, cells):
     """Leave those particles to `resolve` that touch a collider other than plane c."""
     if table.shape[0] > 1:
         k = row * CHUNK
-        clear_of_others(present, table, poses, c, s[RADIUS * CHUNK:RADIUS * CHUNK + count],
-                        s[k:k + count], s[k + CHUNK:k + CHUNK + count],
-                        s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count])
+        clear_of_others(grid, present, table, poses, end, c,
+                        s[RADIUS * CHUNK:RADIUS * CHUNK + count], s[k:k + count],
+                        s[k + CHUNK:k + CHUNK + count],
+                        s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count], cells)
         for i in range(count):
             s[DONE * CHUNK + i] = LEFT if clear[i] < 0.0 else s[DONE * CHUNK + i]
 
@@ -207,12 +210,25 @@ def _count_and_log(log, accounts, block, particle, c, poses, end, s, i, done):
 
 
 @kernel
-def _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx, vy, vz,
-                  s, count, clear, touching, left):
+def _padded(s, count):
+    """Repeat the last particle of a chunk until vectors are full; the count then."""
+    full = (count + LANES - 1) // LANES * LANES
+    for i in range(count, full):
+        for row in range(TOUCHED):
+            s[row * CHUNK + i] = s[row * CHUNK + count - 1]
+    return full
+
+
+@kernel
+def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
+                  vy, vz, s, count, clear, cells, touching, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
+    if count == 0:
+        return left
     for i in range(count):
         s[DONE * CHUNK + i] = 0.0
-    _leave_if_touching(rules.present, table, poses[here.end], c, BETWEEN, s, count, clear)
+    _leave_if_touching(grid, rules.present, table, poses, here.end, c, BETWEEN, s, count, clear,
+                       cells)
     kept = 0
     for i in range(count):
         if s[DONE * CHUNK + i] == LEFT:
@@ -222,9 +238,11 @@ def _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x,
             for row in range(TOUCHED):
                 s[row * CHUNK + kept] = s[row * CHUNK + i]
             kept += 1
-    _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s, kept)
-    _leave_if_touching(rules.present, table, poses[here.end], c, BETWEEN, s, kept, clear)
-    _leave_if_touching(rules.present, table, poses[here.end], c, PLACE, s, kept, clear)
+    _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s,
+                  _padded(s, kept))
+    for row in (BETWEEN, PLACE):
+        _leave_if_touching(grid, rules.present, table, poses, here.end, c, row, s, kept, clear,
+                           cells)
     for i in range(kept):
         j, done = int(s[WHICH * CHUNK + i]), s[DONE * CHUNK + i]
         if done == LEFT:
@@ -238,13 +256,15 @@ def _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x,
 
 
 @kernel
-def answer_planes(rules, here, table, poses, motion, radius, log, accounts, first, old, x, y, z,
-                  vx, vy, vz, s, clear, touching, count):
+def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, old, x, y,
+                  z, vx, vy, vz, s, clear, cells, touching, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
     Parameters
     ----------
+    grid : broad_phase.Grid or None
+        None in scenes of few colliders.
     rules, table, poses, motion, log, accounts
         As in response.resolve.
     here : rules.Here
@@ -259,7 +279,7 @@ def answer_planes(rules, here, table, poses, motion, radius, log, accounts, firs
         Candidates; overwritten where a particle is answered.
     s : (ROWS * CHUNK,) float64
         Scratch.
-    clear : (B,) float64
+    clear, cells : (B,) float64
         Scratch.
     touching : (B + 1,) int64
         Particles that may touch something; overwritten with those that are left.
@@ -272,7 +292,8 @@ def answer_planes(rules, here, table, poses, motion, radius, log, accounts, firs
         How many are left for response.resolve.
 
     """
-    for c in range(table.shape[0]):
+    for m in range(how_many(others_of(grid), table)):
+        c = nth(others_of(grid), m)
         if table[c, KIND] != PLANE:
             continue
         left, taken = 0, 0
@@ -289,9 +310,10 @@ def answer_planes(rules, here, table, poses, motion, radius, log, accounts, firs
             _write(s, BETWEEN, taken, (x[j], y[j], z[j]))
             taken += 1
             if taken == CHUNK:
-                left = _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x,
-                                     y, z, vx, vy, vz, s, taken, clear, touching, left)
+                left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
+                                     accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
+                                     touching, left)
                 taken = 0
-        count = _settle_chunk(rules, here, table, poses, motion, first, c, log, accounts, x, y, z,
-                              vx, vy, vz, s, taken, clear, touching, left)
+        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
+                              y, z, vx, vy, vz, s, taken, clear, cells, touching, left)
     return count

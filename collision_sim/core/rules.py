@@ -23,13 +23,16 @@ from typing import NamedTuple, Optional
 from collision_sim.core.flight import Flight
 from collision_sim.core.shapes import Present
 from collision_sim.core.vectors import EPSILON
+import numpy as np
 
 COLLISION, SLIDE, STICK, REPULSION = 1, 2, 3, 4         # states of a contact
 STATES = {COLLISION: 'collision', SLIDE: 'slide', STICK: 'stick', REPULSION: 'repulsion'}
 
-COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided')
-N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED = range(6)
-N_LOGGED, ACCOUNTS = 6, 7   # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
+COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided',
+            'pair_collisions', 'pair_contacts')
+(N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED, N_PAIR_COLLISION,
+ N_PAIR_CONTACT) = range(8)
+N_LOGGED, ACCOUNTS = 8, 9   # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
 
 # Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes
@@ -73,7 +76,11 @@ class Rules(NamedTuple):
 
 
 class Here(NamedTuple):
-    """Step of this call, rows of poses at its start and end, block, particle and its radius."""
+    """
+    Step of this call, rows of poses at its start and end, block, particle and its radius.
+
+    chosen: colliders that the particle may touch, None for all (broad_phase.py).
+    """
 
     step: int
     start: int
@@ -81,6 +88,7 @@ class Here(NamedTuple):
     block: int
     particle: int
     radius: float
+    chosen: Optional[np.ndarray] = None
 
 
 class Touch(NamedTuple):

@@ -20,9 +20,9 @@ vector n from i to j: the other end gets its exact opposite. Each particle sums 
 springs in a fixed order, so nothing depends on the number of threads.
 
 An explicit step of length h is velocity Verlet around the flight of flight.py: half a step of the
-springs' acceleration at the start, the flight, half a step of it at the end. It is of second order,
-without springs it is the flight itself, and what hangs still in gravity stays still. The damping at
-the end is taken at the velocity foreseen from the start.
+springs' acceleration at the start, the flight, half a step of it at the end. It is of second
+order, without springs it is the flight itself, and what hangs still in gravity stays still. The
+damping at the end is taken at the velocity foreseen from the start.
 
 Its stability. A mode of frequency w and damping rate g (x'' = -w^2 x - g x') is stable for
 (w h)^2 / 4 + g h / 2 <= 1: the characteristic polynomial z^2 - t z + d has
@@ -35,7 +35,7 @@ elongation. Where stiffness and damping have different modes the condition is no
 checked on random networks.
 """
 
-from math import inf, sqrt
+from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.flight import fly

@@ -19,7 +19,8 @@ A block stays in the cache for all steps of a call: it is flown, tested and answ
 next block is touched. Blocks do not depend on the number of threads, and neither do results.
 """
 
-from collision_sim.core.blocks import find_touching, path_lengths, radius_at
+from collision_sim.core.blocks import find_touching, path_lengths
+from collision_sim.core.broad_phase import choose, radius_at
 from collision_sim.core.candidates import book_free_flights, move_block
 from collision_sim.core.jit import kernel
 from collision_sim.core.mesh_blocks import touch_meshes
@@ -28,6 +29,7 @@ from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.trajectory import sweep_margin
+from collision_sim.core.vectors import length, subtract
 from numba import njit
 import numpy as np
 
@@ -45,29 +47,37 @@ def block_radius(radius, first, last):
 
 
 @kernel
-def _touching(sweep, present, table, poses, motion, step, radius, old, x, y, z, clear, lengths,
-              margins, touching):
+def _touching(sweep, grid, present, table, poses, motion, step, end, radius, old, x, y, z, clear,
+              lengths, margins, touching):
     """Find the particles that may touch something: on their paths with `sweep`, or at the end."""
     if sweep is not None:
         for c in range(table.shape[0]):
             margins[c] = sweep_margin(sweep, motion, step, table, c)
         paths = lengths[:x.shape[0]]
         path_lengths(x, y, z, old, radius, paths)
-        return find_touching(present, table, poses, paths, margins, x, y, z, clear, touching)
-    return find_touching(present, table, poses, radius, None, x, y, z, clear, touching)
+        return find_touching(grid, present, table, poses, end, paths, margins, x, y, z, clear,
+                             lengths, touching)
+    return find_touching(grid, present, table, poses, end, radius, None, x, y, z, clear, lengths,
+                         touching)
 
 
 @kernel
-def _few_left(planes, ledger, candidates, rules, here, table, poses, motion, radius, log, accounts,
-              first, old, x, y, z, vx, vy, vz, chunk, clear, touching, count):
+def _few_left(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius, log,
+              accounts, first, old, x, y, z, vx, vy, vz, chunk, clear, cells, touching, count):
     """Answer those that touch a single plane together, where that is all there is to do."""
     if planes is not None:
         if ledger is None:
             if candidates is None:
-                return answer_planes(rules, here, table, poses, motion, radius, log, accounts,
-                                     first, old, x, y, z, vx, vy, vz, chunk, clear, touching,
-                                     count)
+                return answer_planes(grid, rules, here, table, poses, motion, radius, log,
+                                     accounts, first, old, x, y, z, vx, vy, vz, chunk, clear,
+                                     cells, touching, count)
     return count
+
+
+@kernel
+def _reach(dt, x0, v0, x1, v1):
+    """How far from its start anything may happen to a particle in a step [m], and more."""
+    return 2.0 * length(subtract(x1, x0)) + 2.0 * dt * (length(v0) + length(v1))
 
 
 @kernel
@@ -78,8 +88,9 @@ def _empty_log(candidates, accounts, block):
 
 
 @kernel
-def step_block(rules, steps, row, block, table, poses, motion, radius, log, accounts, notes,
-               ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk):
+def step_block(grid, rules, steps, row, block, table, poses, motion, radius, log, accounts, notes,
+               ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk,
+               chosen):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -97,19 +108,21 @@ def step_block(rules, steps, row, block, table, poses, motion, radius, log, acco
         move_block(candidates, rules.flight, first, px, py, pz, vx, vy, vz, old, clear)
         book_free_flights(candidates, ledger, rules.flight.dt, block, first, old, px, py, pz, vx,
                           vy, vz)
-        count = _touching(rules.sweep, rules.present, table, poses[end], motion, step, near, old,
-                          px, py, pz, clear, lengths, margins, touching)
+        count = _touching(rules.sweep, grid, rules.present, table, poses, motion, step, end, near,
+                          old, px, py, pz, clear, lengths, margins, touching)
         count = touch_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
                              end, near, old, px, py, pz, clear, lengths, touching, count)
-        count = _few_left(rules.planes, ledger, candidates, rules, Here(
+        count = _few_left(rules.planes, ledger, candidates, grid, rules, Here(
             step, start, end, block, first, 0.0), table, poses, motion, near, log, accounts, first,
-            old, px, py, pz, vx, vy, vz, chunk, clear, touching, count)
+            old, px, py, pz, vx, vy, vz, chunk, clear, lengths, touching, count)
         for k in range(count):
             j = touching[k]
-            here = Here(step, start, end, block, first + j, radius_at(near, j))
+            x0, v0 = (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j])
+            reach = _reach(rules.flight.dt, x0, v0, (px[j], py[j], pz[j]), (vx[j], vy[j], vz[j]))
+            here = Here(step, start, end, block, first + j, radius_at(near, j),
+                        choose(grid, table, x0, reach, chosen))
             x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes,
-                             (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j]),
-                             ledger, candidates)
+                             x0, v0, ledger, candidates)
             px[j], py[j], pz[j] = x1
             vx[j], vy[j], vz[j] = v1
 
@@ -133,17 +146,18 @@ def step_blocks(posted, counters, plan, steps, row):
     """
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
-    x, v, ledger, candidates = plan.x, plan.v, plan.ledger, plan.candidates
+    grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates
     old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
     margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
     touching = np.empty(BLOCK + 1, dtype=np.int64)
+    chosen = np.empty(table.shape[0], dtype=np.int64)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     first = PIECE * fetch_add(counters, CLAIMED, 1)
     while first < accounts.shape[0]:
         for block in range(first, min(first + PIECE, accounts.shape[0])):
-            step_block(rules, steps, row, block, table, poses, motion, radius, log, accounts,
+            step_block(grid, rules, steps, row, block, table, poses, motion, radius, log, accounts,
                        notes, ledger, candidates, x, v, old, scratch, lengths, margins, touching,
-                       chunk)
+                       chunk, chosen)
         first = PIECE * fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

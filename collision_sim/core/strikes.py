@@ -16,11 +16,11 @@
 The collision stage of particles with springs: it comes before the springs' forces of the step.
 
 A collision changes the velocity at the start of the step, and with it what the springs do within
-the step. So the candidates are laid out, who collides gets another velocity, and the candidates are
-laid out anew from there (the order of Guendelman, Bridson and Fedkiw 2003): an elastic collision
-then keeps the energy that the springs' integrator keeps. To add the change of velocity to a
-candidate as it is would be right for forces that do not change within the step, and brings the
-relative energy 2 (w dt)^2 with each bounce on a spring of frequency w.
+the step. So the candidates are laid out, who collides gets another velocity, and the candidates
+are laid out anew from there (the order of Guendelman, Bridson and Fedkiw 2003): an elastic
+collision then keeps the energy that the springs' integrator keeps. To add the change of velocity
+to a candidate as it is would be right for forces that do not change within the step; on a spring
+of frequency w it brings the relative energy 2 (w dt)^2 with each bounce.
 """
 
 from collision_sim.core.blocks import radius_at

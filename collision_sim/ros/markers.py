@@ -19,6 +19,8 @@ Every marker has a stable namespace and id, so that a new message replaces the o
 that is not finite goes into a marker, because RViz drops the whole of it for that.
 """
 
+from functools import lru_cache
+
 from collision_sim.core.rules import COLLISION, REPULSION, SLIDE, STICK
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 import numpy as np
@@ -28,6 +30,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 LENGTH = 0.1            # m for an impulse of 1 N s
 LONGEST = 0.5           # m
 POINT_SIZE, LINE_WIDTH = 0.02, 0.006    # m
+MOST_TRIANGLES = 20_000     # of a mesh; of more, every second, third, ... one is shown
 MOST_CONTACTS = 2000    # shown in one message; of more, every second, third, ... one
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.002   # m
 
@@ -153,12 +156,21 @@ def _solids(collider):
         return [(Marker.CUBE, scale, shift, turn)]
     if collider.shape == 'sphere':
         return [(Marker.SPHERE, 3 * [2 * a], (0, 0, 0), upright)]
+    if collider.shape == 'mesh':
+        return [(Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), (0, 0, 0), upright)]
     if collider.shape == 'box':
         return [(Marker.CUBE, (2 * a, 2 * b, 2 * c), (0, 0, 0), upright)]
     solids = [(Marker.CYLINDER, (2 * a, 2 * a, 2 * b), (0, 0, 0), upright)]
     if collider.shape == 'capsule':
         solids += [(Marker.SPHERE, 3 * [2 * a], (0, 0, side * b), upright) for side in (-1, 1)]
     return solids
+
+
+@lru_cache(maxsize=100)
+def _triangle_points(mesh):
+    """Corners of the triangles of a mesh, at most MOST_TRIANGLES, evenly left out."""
+    faces = mesh.faces[::1 + len(mesh.faces) // MOST_TRIANGLES]
+    return [_point(corner) for corner in mesh.vertices[faces.ravel()]]
 
 
 def _turn_to(normal):
@@ -185,6 +197,8 @@ def _solid_marker(collider, number, solid, position, orientation):
     pose = Pose(position=_point([position[i] + shift[i] for i in range(3)]),
                 orientation=Quaternion(x=x, y=y, z=z, w=w))
     marker = _marker('colliders/' + collider.name, number, kind, scale, pose)
+    if collider.mesh:
+        marker.points = _triangle_points(collider.mesh)
     if collider.inside:
         marker.color = MOVING_INSIDE if collider.moving else FIXED_INSIDE
     else:

@@ -128,7 +128,6 @@ def measure_works(arguments, repeats, report, folder):
 
 def write(folder, report):
     """Write the files."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, rows in (('bench.csv', report.rows), ('features.csv', report.features)):
         if rows:
             write_csv(folder / name, rows)

@@ -87,7 +87,7 @@ def moved(work):
 
 def peer_table(rows):
     """Give the times of all codes for one work, in brackets over ours, if there are others."""
-    names = list(dict.fromkeys(row.code for row in rows))
+    names = list(dict.fromkeys(row.code for row in rows if row.best))
     if not set(names) - {code.name for code in bench_peers.OURS}:
         return []
     columns = list(dict.fromkeys((row.particles, row.threads) for row in rows))

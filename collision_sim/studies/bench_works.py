@@ -37,7 +37,7 @@ MARGIN = 0.01                   # m; between points and colliders at the start
 SLIDING = 5.0                   # m/s; slides on for a second: FRICTION * GRAVITY is 2.9 m/s^2
 
 RADIUS, PACKING, BOUNCE = 0.05, 0.2, 0.9            # work 2
-SPEED = 1.25                    # m/s; 0.036 pairs touch a particle-step
+SPEED = 0.7                     # m/s; 0.036 pairs touch a particle-step
 
 RING, TUBE, FACES = 1.0, 0.4, 50                    # work 3: radii [m], 2 * 50 * 50 triangles
 RING_HEIGHT = 0.9               # m; of the centre of the torus

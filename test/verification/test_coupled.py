@@ -44,7 +44,7 @@ def oscillator(solver, damping, dt, colliders=(), **sections):
 @pytest.mark.parametrize('damping', [0.0, 0.7])
 @pytest.mark.parametrize('solver, expected', [('explicit', 2.0), ('implicit', 1.0)])
 def test_oscillator(solver, damping, expected):
-    """Verify x = 0.2 exp(-g t) (cos(w t) + g/w sin(w t)): explicit of order 2, implicit of order 1."""
+    """Follow 0.2 exp(-g t) (cos(w t) + g/w sin(w t)): explicit by order 2, implicit by 1."""
     g = damping / (2 * 2 / 3)
     w = sqrt(10 / (2 / 3) - g * g)
     exact = 0.8 + 0.2 * exp(-g) * (cos(w) + g / w * sin(w))
@@ -203,7 +203,7 @@ def mechanical(sim):
 @pytest.mark.parametrize('pinned', [False, True])
 @pytest.mark.parametrize('stiffness', [1e2, 1e5, 1e9])
 def test_implicit_brings_no_energy(stiffness, pinned, restitution):
-    """Stiffness up to 1e9 at dt = 1/60, thousands of steps with collisions: never more than at first."""
+    """Stiffness up to 1e9 at dt = 1/60, 1500 steps with collisions: never more than at first."""
     sim = thrown_string('implicit', stiffness, restitution, pinned)
     most = sim.energy()
     for _ in range(1500):

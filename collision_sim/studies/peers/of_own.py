@@ -52,13 +52,17 @@ class Own:
         return self.sim.position, self.sim.velocity
 
     def figures(self):
-        """Give contacts and, in work 3, particles near the torus, of a particle-step of a run."""
-        counters, steps = self.sim.counters, WORKS[self.job.work].steps
-        found = {'contacts': (counters['collisions'] + counters['contacts'])
-                 / (steps * self.job.count)}
+        """Give contacts (of pairs, where there are) and particles near the torus, a step."""
+        steps = WORKS[self.job.work].steps
+        found = {'contacts': self._contacts() / (steps * self.job.count)}
         if self.job.work == '3':
             found['near'] = self._near(steps)
         return found
+
+    def _contacts(self):
+        kinds = ('pair_collisions', 'pair_contacts') if self.job.work == '2' else \
+            ('collisions', 'contacts')
+        return sum(self.sim.counters[kind] for kind in kinds)
 
     def _near(self, steps):
         self.begin()

@@ -1,0 +1,171 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
+
+from collision_sim.core.cells import LEVELS, make_cells, slots_in
+from collision_sim.core.neighbours import (BOUNDS, find_near, lay_out_cells, Near, PHASES, PIECE,
+                                           QUEUE)
+from collision_sim.core.pairs import collide_all, Matter, Meetings, PairRules
+from collision_sim.core.piles import BODY, CONTACT, ENDS, Memory, Pile, settle
+from collision_sim.core.rules import N_UNDECIDED, NONE
+from collision_sim.core.stepping import BLOCK
+from collision_sim.core.threads import share
+from collision_sim.tables import collider_table, pair_row
+import numpy as np
+
+FEW = 4                 # blocks; for fewer a second thread costs more than it brings
+MOST_SUPPORTS = 4       # colliders that may carry a particle, on average
+MARGIN = 2.0 ** -20     # share of a radius that particles may be apart and count as near
+
+
+class PairSolver:
+    """
+    Pairs of a scene, stepped as core/pairs.py and core/piles.py say.
+
+    Parameters
+    ----------
+    scene : Scene
+        With pairs.
+    dt : float [s]
+        Of a step, or of a substep.
+
+    """
+
+    def __init__(self, scene):
+        count = len(scene.particles.position)
+        self._matter = Matter(_each(scene.particles.radius, count),
+                              1.0 / _each(scene.particles.mass, count))
+        self._centre, self._extent = np.empty((3, count)), np.empty(count)
+        self._bounds = np.empty((-(-count // BLOCK), BOUNDS))
+        self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
+        self._cells = None
+        self._meetings = Meetings(
+            np.empty((0, 2), dtype=np.int32), np.empty(0), np.empty((0, 3)),
+            _nobody(count), _nobody(count))
+        self._pile = Pile(np.empty((0, BODY)), _nobody(0), np.empty((0, ENDS), dtype=np.int32),
+                          np.empty((0, CONTACT)), _nobody(count))
+        self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
+                              np.empty((0, 6)), _nobody(0), _nobody(count))
+
+    def adopt(self, scene, rules):
+        """Take the values of a scene, and the rules of its steps."""
+        radius, shift = self._matter.radius, rules.flight.mean_shift
+        reach = 2.0 * rules.flight.dt * float(np.linalg.norm(shift))
+        friction = scene.pairs.friction_in(scene)
+        self._rules = PairRules(np.vstack([collider_table(scene), pair_row(scene)]),
+                                None if friction.static is None else 1,
+                                None if friction.wet is None else 1, reach)
+        self._dry = 1 if rules.dry or self._rules.dry else None
+        self._wet = 1 if rules.wet or self._rules.wet else None
+        self._sweeps = scene.stepping.iterations
+        self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + reach, 0.0)
+        self._extent[:] = self._base
+        self._many = rules.sweep is not None or bool(np.any(self._base != self._base[:1]))
+
+    def step(self, parts, candidates, flies, threads):
+        """
+        Let pairs change the candidates of a step, and the velocities at its start.
+
+        Parameters
+        ----------
+        parts : plan.Parts
+            Of the step.
+        candidates : candidates.Candidates
+            Changed.
+        flies : int or None
+            1: they are still to be laid out, as free flights.
+        threads : int
+            Most threads to use.
+
+        """
+        rules, count = parts.rules, len(self._base)
+        if count == 0:
+            return
+        threads = threads if count > FEW * BLOCK else 1
+        self._sort(rules, parts, candidates, flies, threads)
+        pieces = -(-int(self._cells.start[slots_in(self._cells.levels)]) // PIECE)
+        self._find(pieces, threads)
+        parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
+        pairs = int(self._near.count[:pieces].sum())
+        if pairs > len(self._meetings.ends):
+            self._make_room(2 * pairs)
+        if pairs > 0:
+            shared = parts.x, parts.v, candidates, self._meetings
+            met = collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger,
+                              self._cells, self._near, pieces, *shared, parts.accounts)
+            settle(rules, self._rules, self._dry, self._wet, self._sweeps, parts.table,
+                   parts.poses, parts.motion, self._matter, parts.ledger, *shared, met,
+                   self._pile, self._memory, parts.accounts)
+        else:
+            self.forget()
+
+    def forget(self):
+        """Forget the impulses of the last step."""
+        self._memory.size[0] = 0
+        self._memory.head[:] = NONE
+
+    def _make_room(self, pairs):
+        """Make room for a number of pairs."""
+        count = len(self._base)
+        bodies = min(2 * pairs, count)
+        supports = MOST_SUPPORTS * bodies
+        contacts = pairs + supports
+        self._meetings = Meetings(
+            np.empty((pairs, 2), dtype=np.int32), np.empty(pairs), np.empty((pairs, 3)),
+            *self._meetings[3:])
+        self._pile = Pile(
+            np.empty((bodies + supports, BODY)), np.empty(bodies, dtype=np.int32),
+            np.empty((contacts, ENDS), dtype=np.int32), np.empty((contacts, CONTACT)),
+            self._pile.body)
+        old, known = self._memory, self._memory.size[0]
+        self._memory = Memory(
+            old.size, np.empty((contacts, 2), dtype=np.int64), np.empty((contacts, 6)),
+            np.empty(contacts, dtype=np.int32), old.head)
+        for before, now in zip(old[1:4], self._memory[1:4]):
+            now[:known] = before[:known]
+
+    def _sort(self, rules, parts, candidates, flies, threads):
+        """Sort the particles into the grid."""
+        if self._cells is None or len(self._cells.counts) != threads or (
+                (self._cells.level is not None) != self._many):
+            self._cells = make_cells(len(self._base), threads, self._many)
+            self._chunk_counts = np.zeros((threads, LEVELS), dtype=np.int64)
+        share(lay_out_cells, threads, np.zeros(2 * PHASES, dtype=np.int64), self._cells,
+              self._chunk_counts, self._bounds, flies, rules.sweep, rules.flight, parts.ledger,
+              self._base, parts.x, parts.v, candidates, self._centre, self._extent)
+
+    def _find(self, pieces, threads):
+        """Find the pairs that are near each other, with as much room as they need."""
+        share(find_near, threads, self._cells, self._near)
+        while (self._near.count[:pieces] > self._near.found.shape[1]).any():
+            self._near = _room(len(self._near.found), 2 * self._near.found.shape[1])
+            share(find_near, threads, self._cells, self._near)
+
+
+def _nobody(count):
+    """Give NONE for each of a number of particles."""
+    return np.full(count, NONE, dtype=np.int32)
+
+
+def _each(value, count):
+    """One number for each particle."""
+    return np.broadcast_to(np.asarray(value, dtype=np.float64), count).copy()
+
+
+def _room(pieces, most):
+    """Scratch for what is found: `most` pairs in each piece."""
+    return Near(np.empty((pieces, most), dtype=np.int64), np.zeros(pieces, dtype=np.int64),
+                np.zeros(pieces, dtype=np.int64))
