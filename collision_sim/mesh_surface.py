@@ -173,7 +173,7 @@ def _check(vertices, corners, sizes, path, value):
     if len(out):
         face = np.searchsorted(np.cumsum(sizes), out[0], side='right')
         raise SceneError(path, value, f'face {face}: corner {corners[out[0]]} is out of range '
-                                      f'({len(vertices)} vertices)')
+                                      f'({len(vertices)} vertices, counted from 0)')
 
 
 def merged(vertices):

@@ -54,7 +54,7 @@ class PairSolver:
         self._cells = None
         self._meetings = Meetings(
             np.empty((0, 2), dtype=np.int32), np.empty(0), np.empty((0, 3)),
-            _nobody(count), _nobody(count))
+            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32))
         self._pile = Pile(np.empty((0, BODY)), _nobody(0), np.empty((0, ENDS), dtype=np.int32),
                           np.empty((0, CONTACT)), _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),

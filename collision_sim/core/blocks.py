@@ -24,7 +24,7 @@ by one by response.py.
 from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others_of,
                                             radius_at)
 from collision_sim.core.flight import affine, quadratic_factor
-from collision_sim.core.jit import kernel
+from collision_sim.core.jit import kernel, widest_vectors
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
@@ -66,6 +66,7 @@ def _slow_block(quadratic, vx, vy, vz, factor):
 
 @kernel
 def _fly_component(gains, end_shift, mean_shift, dt, x, v, old_x):
+    widest_vectors()
     for i in range(x.shape[0]):
         before = v[i]
         old_x[i] = x[i]
@@ -125,6 +126,7 @@ def _square_limit(size, side, r):
 
 @kernel
 def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+    widest_vectors()
     if present is not None:
         for m in range(how_many(chosen, table)):
             c = nth(chosen, m)
@@ -140,6 +142,7 @@ def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z,
 
 @kernel
 def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+    widest_vectors()
     if present is not None:
         for m in range(how_many(chosen, table)):
             c = nth(chosen, m)
@@ -157,6 +160,7 @@ def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z
 
 @kernel
 def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+    widest_vectors()
     if present is not None:
         for m in range(how_many(chosen, table)):
             c = nth(chosen, m)
@@ -178,6 +182,7 @@ def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, 
 
 @kernel
 def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+    widest_vectors()
     if present is not None:
         for m in range(how_many(chosen, table)):
             c = nth(chosen, m)
@@ -199,6 +204,7 @@ def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, 
 
 @kernel
 def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+    widest_vectors()
     if present is not None:
         for m in range(how_many(chosen, table)):
             c = nth(chosen, m)

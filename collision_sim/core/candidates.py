@@ -61,7 +61,8 @@ def fly_freely(flight, v, ledger, block_size, candidates):
     for i in range(v.shape[1]):
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
-        book_flight(ledger, Here(0, 0, 0, i // block_size, i, 0.0), flight.dt, start, u, w, 1.0)
+        here = Here(0, 0, 0, i // block_size, i, 0.0, None)
+        book_flight(ledger, here, flight.dt, start, u, w, 1.0)
         for d in range(3):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
 

@@ -329,7 +329,7 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * BLOCK, min((block + 1) * BLOCK, x.shape[1])):
-                here = Here(step, start, end, block, i, radius_at(radius, i))
+                here = Here(step, start, end, block, i, radius_at(radius, i), None)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
                 if _is_inside(rules, forces, here, table, poses, courses, duration, x0, v0):
                     _book_candidate(ledger, rules, here, v0)

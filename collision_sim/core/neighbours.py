@@ -70,7 +70,7 @@ def _fly_block(flies, flight, ledger, block, v, candidates, first, last):
         for i in range(first, last):
             start = (v[0, i], v[1, i], v[2, i])
             u, w = fly(flight, start)
-            book_flight(ledger, Here(0, 0, 0, block, i, 0.0), flight.dt, start, u, w, 1.0)
+            book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None), flight.dt, start, u, w, 1.0)
             for d in range(3):
                 candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
 

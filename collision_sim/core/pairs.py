@@ -25,9 +25,9 @@ friction at their surfaces does not conserve angular momentum about their centre
 Of several collisions of one particle the deepest comes first (with sweeps: the earliest). In each
 round the pairs respond that come first for both of their particles; their candidates are flown
 anew, the pairs that they are part of are looked at again, and the next round follows until nobody
-collides, or MOST_ROUNDS are over: who still approaches then collides in the next step. Ties go to
-the pair that was listed first, and the list is in the order of the places, so that nothing depends
-on the order of the particles.
+collides. A particle collides MOST_HITS times in a step; what is left is for the contact stage, in
+piles.py. Ties go to the pair that was listed first, and the list is in the order of the places, so
+that nothing depends on the order of the particles.
 """
 
 from math import inf, sqrt
@@ -46,7 +46,7 @@ from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled
 from numba import njit
 import numpy as np
 
-MOST_ROUNDS = 100
+MOST_HITS = 10          # of a particle in a step
 FIRST, SECOND = 0, 1    # columns of the ends of a pair
 
 
@@ -77,7 +77,8 @@ class Meetings(NamedTuple):
 
     ends (P, 2) int32: their particles; order (P,) float64: which comes first, inf for those that
     do not collide; normal (P, 3) [-]: from the second to the first; first (N,) int32: the pair
-    that comes first for a particle; moved (N,) int32: the round in which it has collided last.
+    that comes first for a particle; moved, hits (N,) int32: the round in which it has collided
+    last, and how often it has.
     """
 
     ends: np.ndarray
@@ -85,6 +86,7 @@ class Meetings(NamedTuple):
     normal: np.ndarray
     first: np.ndarray
     moved: np.ndarray
+    hits: np.ndarray
 
 
 @kernel
@@ -173,7 +175,8 @@ def look_at(sweep, dt, matter, x, v, candidates, meetings, p):
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
-    if not dot(n, relative) < -ROUNDING * (largest(vi) + largest(vj)):
+    if not dot(n, relative) < -ROUNDING * (largest(vi) + largest(vj)) or (
+            max(meetings.hits[i], meetings.hits[j]) >= MOST_HITS):
         order = inf
     meetings.order[p] = order
     meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2] = n
@@ -219,7 +222,7 @@ def _change(flight, ledger, v, candidates, i, change):
     """Change the velocity of particle i at the start of the step, and fly it anew."""
     before = column(v, i)
     after = add_scaled(before, 1.0, change)
-    here = Here(0, 0, 0, i // BLOCK, i, 0.0)
+    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None)
     u, w = fly_anew(candidates, ledger, here, flight, before, after, column(candidates.u, i),
                     column(candidates.w, i))
     book(ledger, here, INTERNAL, kinetic(before, after))
@@ -264,6 +267,8 @@ def _respond(rules, flight, matter, ledger, v, candidates, meetings, count, turn
             if meetings.first[i] == p and meetings.first[j] == p:
                 collide(rules, flight, matter, ledger, v, candidates, meetings, p)
                 meetings.moved[i] = meetings.moved[j] = turn
+                meetings.hits[i] += 1
+                meetings.hits[j] += 1
                 hits += 1
     return hits
 
@@ -295,7 +300,7 @@ def collide_all(sweep, rules, flight, matter, ledger, cells, near, pieces, x, v,
     cells, near, pieces
         Of neighbours.py, with the number of pieces.
     meetings : Meetings
-        Written; `first` and `moved` are NONE before and after.
+        Written; `first` and `moved` are NONE, `hits` 0 before and after.
     accounts : (blocks, ACCOUNTS) int64
         Collisions are counted in the first row.
 
@@ -307,9 +312,8 @@ def collide_all(sweep, rules, flight, matter, ledger, cells, near, pieces, x, v,
     """
     count = list_meetings(sweep, flight.dt, matter, cells, near, pieces, x, v, candidates,
                           meetings)
-    for turn in range(MOST_ROUNDS):
-        if not _choose(meetings, count):
-            break
+    turn = 0
+    while _choose(meetings, count):
         accounts[0, N_PAIR_COLLISION] += _respond(rules, flight, matter, ledger, v, candidates,
                                                   meetings, count, turn)
         _forget(meetings, count)
@@ -317,7 +321,8 @@ def collide_all(sweep, rules, flight, matter, ledger, cells, near, pieces, x, v,
             if (meetings.moved[meetings.ends[p, FIRST]] == turn
                     or meetings.moved[meetings.ends[p, SECOND]] == turn):
                 look_at(sweep, flight.dt, matter, x, v, candidates, meetings, p)
+        turn += 1
     for p in range(count):
-        meetings.moved[meetings.ends[p, FIRST]] = NONE
-        meetings.moved[meetings.ends[p, SECOND]] = NONE
+        for k in range(2):
+            meetings.moved[meetings.ends[p, k]], meetings.hits[meetings.ends[p, k]] = NONE, 0
     return count

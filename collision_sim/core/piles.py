@@ -28,7 +28,8 @@ The impulses are found by projected Gauss-Seidel: each contact in turn is solved
 its own impulse so far taken out, so that friction gets the slip that it acts on; sweeps go to and
 fro. They start from the impulses of the last step. Colliders take part as bodies of infinite mass,
 so that the floor carries the pile; but only the impulses between particles are handed on:
-response.py then answers the colliders, with their friction, contacts and ledger.
+response.py then answers the colliders, with their friction, contacts and ledger. As there, a
+particle that would end inside a collider does not approach it at all.
 
 Sources: J. J. Moreau (1999), contact dynamics; E. Catto (2005), the impulses of the last step.
 """
@@ -155,9 +156,9 @@ def _push(bodies, a, b, which, impulse):
 
 
 @inlined
-def _end_bound(v_n, slow):
-    """Bound of the normal velocity at the end [m/s], for that at the start."""
-    return v_n if v_n < -slow else 0.0
+def _end_bound(v_n, gap, slow):
+    """Bound of the normal velocity at the end [m/s], for that at the start and the gap [m]."""
+    return v_n if v_n < -slow and gap > 0.0 else 0.0
 
 
 @inlined
@@ -169,7 +170,7 @@ def _pair_bounds(rules, reach, dt, size, x, v, candidates, i, j, n, gap):
         mean = repulsion(depth, dt, rules.share, rules.highest)
     else:
         mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
-    return mean, _end_bound(dot(n, subtract(column(v, i), column(v, j))), reach / dt)
+    return mean, _end_bound(dot(n, subtract(column(v, i), column(v, j))), gap, reach / dt)
 
 
 @kernel
@@ -211,7 +212,7 @@ def _support(rules, reach, here, table, poses, motion, x, v, candidates, c, pile
     _put(pile.bodies, size, MEAN, obj)
     _put(pile.bodies, size, ENDING, last)
     pile.bodies[size, INVERSE] = 0.0
-    end = _end_bound(dot(n, subtract(column(v, i), first)), reach / dt)
+    end = _end_bound(dot(n, subtract(column(v, i), first)), gap, reach / dt)
     _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, i, x.shape[1] + c)
     return size + 1, count + 1
 
@@ -227,7 +228,7 @@ def list_supports(rules, reach, table, poses, motion, radius, x, v, candidates, 
             for c in range(table.shape[0]):
                 if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                     return size, contacts
-                here = Here(0, 0, end, 0, i, radius[i])
+                here = Here(0, 0, end, 0, i, radius[i], None)
                 size, contacts = _support(rules, reach, here, table, poses, motion, x, v,
                                           candidates, c, pile, memory, size, contacts)
     return size, contacts
@@ -253,9 +254,12 @@ def _solve(dry, wet, laws, pile, c, which, bound, kind):
     a, b, n = pile.ends[c, FIRST], pile.ends[c, SECOND], _at(contacts, c, NORMAL)
     relative = subtract(_at(bodies, a, which), _at(bodies, b, which))
     impulse, mass = _at(contacts, c, kind), contacts[c, MASS]
-    pressing = max(dot(impulse, n) + mass * (contacts[c, bound] - dot(relative, n)), 0.0)
-    after = (0.0, 0.0, 0.0)
-    if pressing > 0.0:
+    alone = dot(relative, n) - dot(impulse, n) / mass       # normal velocity without this contact
+    after, target = (0.0, 0.0, 0.0), contacts[c, bound]
+    if alone < target:
+        if pile.ends[c, LAW_ROW] < laws.shape[0] - 1:
+            target = max(target, 0.0)
+        pressing = mass * (target - alone)
         after = add_scaled(_slide(dry, wet, laws, pile.ends[c, LAW_ROW], relative, n, mass,
                                   impulse, pressing), pressing, n)
     change = subtract(after, impulse)

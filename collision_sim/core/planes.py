@@ -28,7 +28,7 @@ from collision_sim.core.broad_phase import how_many, nth, others_of, radius_at
 from collision_sim.core.detection import approach
 from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond_to_slip, slip_of
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import inlined, kernel, widest_vectors
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
 from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_LOGGED, NORMAL,
@@ -106,6 +106,7 @@ def _approach(poses, motion, step, start, end, c, x0, v0):
 @kernel
 def _find_hits(poses, motion, step, start, end, c, s, count):
     """Write the normal velocity of the collisions of a chunk; how many there are."""
+    widest_vectors()
     hits = 0
     for i in range(count):
         v_n, _, _ = _approach(poses, motion, step, start, end, c, _read(s, PLACE, i),
@@ -118,6 +119,7 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
 @kernel
 def _collide(rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
+    widest_vectors()
     for i in range(count):
         x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]
         v_n, obj, n = _approach(poses, motion, step, start, end, c, x0, v0)
@@ -139,6 +141,7 @@ def _collide(rules, table, poses, motion, step, start, end, c, s, count):
 @kernel
 def _press(rules, table, poses, motion, step, start, end, c, s, count):
     """Contact stage of a chunk, for those inside; places and velocities at the end."""
+    widest_vectors()
     n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
     for i in range(count):
         x0, v, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]

@@ -129,6 +129,8 @@ def _cut_ears(flat, ring, corners, start, n, faces, count):
             k, tried = (k + 1) % n, tried + 1
             if tried == n:
                 return NO_EAR
+    if not _left_of(flat, ring[0], ring[1], ring[2]) > 0.0:
+        return NO_EAR
     for j in range(3):
         faces[count, j] = corners[start + ring[j]]
     return FINE

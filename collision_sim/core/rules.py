@@ -88,7 +88,7 @@ class Here(NamedTuple):
     block: int
     particle: int
     radius: float
-    chosen: Optional[np.ndarray] = None
+    chosen: Optional[np.ndarray]
 
 
 class Touch(NamedTuple):

@@ -22,7 +22,7 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 from collision_sim.core.blocks import find_touching, path_lengths
 from collision_sim.core.broad_phase import choose, radius_at
 from collision_sim.core.candidates import book_free_flights, move_block
-from collision_sim.core.jit import kernel
+from collision_sim.core.jit import kernel, widest_vectors
 from collision_sim.core.mesh_blocks import touch_meshes
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
@@ -35,6 +35,7 @@ import numpy as np
 
 BLOCK = 256             # particles; their scratch fits the first-level cache
 PIECE = 4               # blocks that a thread claims at once
+TOGETHER = 8            # particles of a block that touch something; fewer are faster one by one
 FEW = 12                # blocks; for fewer a second thread costs more than it brings
 
 
@@ -64,10 +65,10 @@ def _touching(sweep, grid, present, table, poses, motion, step, end, radius, old
 @kernel
 def _few_left(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius, log,
               accounts, first, old, x, y, z, vx, vy, vz, chunk, clear, cells, touching, count):
-    """Answer those that touch a single plane together, where that is all there is to do."""
+    """Answer those that touch a single plane together, unless they are few."""
     if planes is not None:
         if ledger is None:
-            if candidates is None:
+            if candidates is None and count >= TOGETHER:
                 return answer_planes(grid, rules, here, table, poses, motion, radius, log,
                                      accounts, first, old, x, y, z, vx, vy, vz, chunk, clear,
                                      cells, touching, count)
@@ -97,6 +98,7 @@ def step_block(grid, rules, steps, row, block, table, poses, motion, radius, log
     A candidate that stays clear of all colliders is what the step leaves; the few that touch one
     are answered by themselves from their state before the step, kept in `old`.
     """
+    widest_vectors()
     first, rows = block * BLOCK, poses.shape[0] - 1
     last = min(first + BLOCK, x.shape[1])
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
@@ -112,9 +114,10 @@ def step_block(grid, rules, steps, row, block, table, poses, motion, radius, log
                           old, px, py, pz, clear, lengths, margins, touching)
         count = touch_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
                              end, near, old, px, py, pz, clear, lengths, touching, count)
-        count = _few_left(rules.planes, ledger, candidates, grid, rules, Here(
-            step, start, end, block, first, 0.0), table, poses, motion, near, log, accounts, first,
-            old, px, py, pz, vx, vy, vz, chunk, clear, lengths, touching, count)
+        here = Here(step, start, end, block, first, 0.0, None)
+        count = _few_left(rules.planes, ledger, candidates, grid, rules, here, table, poses,
+                          motion, near, log, accounts, first, old, px, py, pz, vx, vy, vz, chunk,
+                          clear, lengths, touching, count)
         for k in range(count):
             j = touching[k]
             x0, v0 = (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j])
@@ -144,6 +147,7 @@ def step_blocks(posted, counters, plan, steps, row):
         Row of the poses at the start of the first of them, and of their motion.
 
     """
+    widest_vectors()
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
     grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates

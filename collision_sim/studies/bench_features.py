@@ -170,14 +170,14 @@ def build(feature, count, threads, folder):
     return Simulation(scene, **{'contacts': False, 'threads': threads, **feature.options})
 
 
-def _compile(feature, folder):
-    build(feature, 2, 1, folder).step()
+def _compile(feature, count, folder):
+    build(feature, count, 1, folder).step()
 
 
-def compile_all(rows, folder):
+def compile_all(rows, count, folder):
     """Compile what is missing in the cache, on all cores, with a progress bar."""
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context('spawn')) as pool:
-        jobs = [pool.submit(_compile, feature, folder) for feature in rows]
+        jobs = [pool.submit(_compile, feature, count, folder) for feature in rows]
         for job in tqdm(jobs, desc='compiling', disable=None, leave=False):
             job.result()
 
@@ -216,7 +216,7 @@ def measure(count, threads, repeats, folder, steps=STEPS):
     """
     write_torus(folder / 'torus.obj')
     scenes = [Feature(name, '', {}, {}, '') for name in (BASE, AGAIN)] + features(count)
-    compile_all(scenes[1:], folder)
+    compile_all(scenes[1:], count, folder)
     sims = [build(feature, count, threads, folder) for feature in scenes]
     times = [[] for _ in sims]
     with tqdm(total=repeats * len(sims), unit='run', disable=None, leave=False) as bar:

@@ -283,7 +283,7 @@ def test_features(tmp_path, monkeypatch):
     chosen = [feature for feature in bench_features.features(50)
               if feature.name == 'restitution']
     monkeypatch.setattr(bench_features, 'features', lambda count: chosen)
-    monkeypatch.setattr(bench_features, 'compile_all', lambda rows, folder: None)
+    monkeypatch.setattr(bench_features, 'compile_all', lambda rows, count, folder: None)
     found = bench_features.measure(50, 1, 1, tmp_path, steps=240)
     assert [row.feature for row in found[:2]] == [bench_features.BASE, bench_features.AGAIN]
     assert len(found) == 2 + len(chosen)
