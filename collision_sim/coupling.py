@@ -20,7 +20,13 @@ core/pairs.py.
 """
 
 from collision_sim.core.candidates import Candidates
-from collision_sim.core.rules import CHECKS
+from collision_sim.core.motion import subdivide
+from collision_sim.core.plan import make_plan
+from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED
+from collision_sim.core.springs import elastic_energy
+from collision_sim.core.stepping import FEW, step_blocks
+from collision_sim.core.strikes import strike_blocks
+from collision_sim.core.threads import share
 from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 import numpy as np
@@ -51,36 +57,61 @@ class Coupling:
 
     def adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
-        self.parts = 1
+        self.parts, self._springs = 1, scene.springs
         if scene.springs:
             self.parts = scene.springs.substeps(scene.particles, scene.stepping.dt)
             solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
             self._solver = solver(scene)
 
-    def step(self, parts, threads, strike=None):
+    def step(self, parts, steps, row, threads):
         """
-        Lay out the candidates of the next step.
+        Take the particles through some steps that are laid out.
 
         Parameters
         ----------
         parts : plan.Parts
-            Of the step; the ledger is written, and v where somebody collides.
+            With the poses of all steps.
+        steps : int
+            How many.
+        row : int
+            Row of the poses at the start of the first of them.
         threads : int
             Most threads to use.
-        strike : callable or None
-            The collision stage against colliders, for springs: strike(candidates) writes v and
-            says whether anybody has collided. None for methods without such a stage.
-
-        Returns
-        -------
-        candidates.Candidates
 
         """
+        for poses, motion in self._substeps(parts.poses, parts.motion, steps, row):
+            self._substep(parts._replace(poses=poses, motion=motion), threads)
+
+    def _substeps(self, poses, motion, steps, row):
+        """Poses (2, C, 12) and motion (1, C, MOTION) of each substep."""
+        if motion is None:
+            yield from [(poses, None)] * (steps * self.parts)
+            return
+        for s in range(row, row + steps):
+            cut, turns = subdivide(poses[s:s + 2], motion[s:s + 1], self.parts)
+            yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(self.parts))
+
+    def _substep(self, parts, threads):
+        """Take one substep: candidates by springs and pairs, and then the colliders."""
+        parts.accounts[:, N_LOGGED] = 0
         if self._solver:
-            self._stretch(parts.rules.flight, parts.ledger, parts.x, parts.v, threads, strike)
+            self._stretch(parts, threads)
         if self._pairs:
             self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
-        return self._candidates
+        plan = make_plan(parts._replace(candidates=self._candidates))
+        share(step_blocks, threads if len(parts.accounts) > FEW else 1, plan, 1, 0)
+
+    def _strike(self, parts, threads):
+        """Take the collision stage against colliders; whether anybody has collided."""
+        before = parts.accounts[:, N_COLLISION].sum()
+        share(strike_blocks, threads if len(parts.accounts) > FEW else 1, parts.rules, parts.table,
+              parts.poses, parts.motion, parts.radius, parts.log, parts.accounts, parts.ledger,
+              self._candidates, parts.x, parts.v)
+        return parts.accounts[:, N_COLLISION].sum() > before
+
+    def elastic_energy(self, x):
+        """Energy in the springs [J], for places (3, N) [m]."""
+        return elastic_energy(self._springs.pairs, self._springs.laws, x.T)
 
     def adopt_rules(self, scene, rules):
         """Take the scene of a substep, and its rules."""
@@ -92,11 +123,12 @@ class Coupling:
         if self._pairs:
             self._pairs.forget()
 
-    def _stretch(self, flight, ledger, x, v, threads, strike):
+    def _stretch(self, parts, threads):
         """Lay out candidates with springs, from the velocities after the collision stage."""
-        going, done = CHECKS if strike else 0, False
+        flight, x, v = parts.rules.flight, parts.x, parts.v
+        going, done = CHECKS if parts.rules.checks and len(parts.table) else 0, False
         while going and not done:
             self._solver.step(flight, None, x, v, self._candidates, threads)
-            going, done = going - 1, not strike(self._candidates)
-        if ledger or not done:
-            self._solver.step(flight, ledger, x, v, self._candidates, threads)
+            going, done = going - 1, not self._strike(parts, threads)
+        if parts.ledger or not done:
+            self._solver.step(flight, parts.ledger, x, v, self._candidates, threads)

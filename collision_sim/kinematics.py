@@ -24,7 +24,6 @@ from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
 from collision_sim.core.broad_phase import in_grid, make_grid
-from collision_sim.core.courses import fill_courses
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
                                        MOTION, POSE, script_poses, START, TWIST)
 from collision_sim.core.rotation import quaternion
@@ -178,6 +177,7 @@ class Kinematics:
         if new or self._many:
             self._renew()
         if self._exact:
+            from collision_sim.core.courses import fill_courses     # takes a while
             self.courses = fill_courses(self.poses, self.motion, self._scripted, self._scripts,
                                         first, dt)
         return steps

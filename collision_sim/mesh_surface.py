@@ -27,9 +27,6 @@ from numbers import Integral
 
 from collision_sim.checks import as_list, join, MISSING, read_only, read_vectors, SceneError
 from collision_sim.checks import Vector
-from collision_sim.core.mesh_winding import turn_alike, turn_outward
-from collision_sim.core.polygons import cut, PROBLEMS
-from collision_sim.mesh_files import read_polygons
 import numpy as np
 
 MESH_KEYS = ('file', 'vertices', 'faces')
@@ -93,6 +90,7 @@ def read_mesh(section, path, directory, scale, inside) -> Mesh:
                          'must have either file, or vertices and faces')
     if 'file' in section:
         path, value = join(path, 'file'), section['file']
+        from collision_sim.mesh_files import read_polygons
         polygons = read_polygons(value, path, directory)
     else:
         value, path = section.get('faces', MISSING), join(path, 'faces')
@@ -111,7 +109,7 @@ def _read_faces(value, path):
     """Give the corners of polygons one after the other, and how many each has."""
     faces = as_list(value)
     if not isinstance(faces, list):
-        raise SceneError(path, value, 'must be a list of faces, each a list of numbers of vertices')
+        raise SceneError(path, value, 'must be a list of faces, lists of numbers of vertices')
     for i, face in enumerate(faces):
         corners = faces[i] = as_list(face)
         if not isinstance(corners, list) or not all(
@@ -142,6 +140,8 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
         For the first vertex or face that is not allowed.
 
     """
+    from collision_sim.core.mesh_winding import turn_alike, turn_outward    # takes a while
+    from collision_sim.core.polygons import cut, PROBLEMS
     _check(vertices, corners, sizes, path, value)
     vertices, numbers = merged(vertices)
     faces, polygons, problem = cut(vertices, numbers[corners], sizes)

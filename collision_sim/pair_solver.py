@@ -27,6 +27,7 @@ from collision_sim.tables import collider_table, pair_row
 import numpy as np
 
 FEW = 4                 # blocks; for fewer a second thread costs more than it brings
+SWEEPS = 4              # over the contacts for each of the scene's iterations
 MOST_SUPPORTS = 4       # colliders that may carry a particle, on average
 MARGIN = 2.0 ** -20     # share of a radius that particles may be apart and count as near
 
@@ -54,7 +55,8 @@ class PairSolver:
         self._cells = None
         self._meetings = Meetings(
             np.empty((0, 2), dtype=np.int32), np.empty(0), np.empty((0, 3)),
-            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32))
+            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32),
+            np.empty((3, count)))
         self._pile = Pile(np.empty((0, BODY)), _nobody(0), np.empty((0, ENDS), dtype=np.int32),
                           np.empty((0, CONTACT)), _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
@@ -70,7 +72,7 @@ class PairSolver:
                                 None if friction.wet is None else 1, reach)
         self._dry = 1 if rules.dry or self._rules.dry else None
         self._wet = 1 if rules.wet or self._rules.wet else None
-        self._sweeps = scene.stepping.iterations
+        self._sweeps = SWEEPS * scene.stepping.iterations
         self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + reach, 0.0)
         self._extent[:] = self._base
         self._many = rules.sweep is not None or bool(np.any(self._base != self._base[:1]))

@@ -25,17 +25,12 @@ from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
-from collision_sim.core.exact import step_events
-from collision_sim.core.motion import subdivide
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
-                                      N_COLLISION, N_LOGGED, NONE, NORMAL, NOTES, POINT)
+                                      N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
-from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import BLOCK, FEW, step_blocks
-from collision_sim.core.strikes import strike_blocks
 from collision_sim.core.threads import share
-from collision_sim.coupling import Coupling
 from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
@@ -106,7 +101,7 @@ class Simulation:
         radius = np.asarray(scene.particles.radius, dtype=np.float64)
         self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
             if np.any(radius) else None
-        self._coupling = Coupling(scene) if scene.pairs or scene.springs else None
+        self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
         self.reset()
 
@@ -237,8 +232,7 @@ class Simulation:
         if self.scene.springs is None:
             return float(np.sum(_times(self.scene.particles.mass, specific)))
         energy = np.sum(finite_masses(self.scene.particles.mass) * specific)
-        springs = self.scene.springs
-        return float(energy) + elastic_energy(springs.pairs, springs.laws, self.position)
+        return float(energy) + self._coupling.elastic_energy(self._x)
 
     def momentum(self):
         """Momentum of all particles, (3,) float64 [N s]."""
@@ -324,16 +318,17 @@ class Simulation:
             self._plan = None
         threads, colliders = self._threads or numba.get_num_threads(), self._colliders
         if self._forces is not None:
+            from collision_sim.core.exact import step_events    # takes a while
             share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
                   steps, self._table, colliders.poses, colliders.motion, colliders.courses,
                   self._radius, self._log, self._accounts, self._notes, self._x, self._v,
                   self._ledger)
             return
-        threads = threads if len(self._accounts) > FEW else 1
         if self._coupling is not None:
-            for poses, motion in self._each_substep(steps):
-                self._step_coupled(self._parts(rules, poses, motion), threads)
+            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion), steps,
+                                colliders.row, threads)
             return
+        threads = threads if len(self._accounts) > FEW else 1
         if self._plan is None or self._laid_out != colliders.laid_out:
             self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
             self._laid_out = colliders.laid_out
@@ -343,32 +338,6 @@ class Simulation:
         """Give what a plan is made of."""
         return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
                      self._notes, self._x, self._v, self._ledger, None, self._colliders.grid)
-
-    def _step_coupled(self, parts, threads):
-        """Take one substep of particles that act on each other."""
-        rules, accounts = parts.rules, self._accounts
-
-        def strike(candidates):
-            before = accounts[:, N_COLLISION].sum()
-            share(strike_blocks, threads, rules, parts.table, parts.poses, parts.motion,
-                  parts.radius, parts.log, accounts, parts.ledger, candidates, parts.x, parts.v)
-            return accounts[:, N_COLLISION].sum() > before
-
-        accounts[:, N_LOGGED] = 0
-        candidates = self._coupling.step(parts, self._threads or numba.get_num_threads(),
-                                         strike if rules.checks and len(self._table) else None)
-        share(step_blocks, threads, make_plan(parts._replace(candidates=candidates)), 1, 0)
-
-    def _each_substep(self, steps):
-        """Poses (2, C, 12) and motion (1, C, MOTION) of each substep of the steps laid out."""
-        parts, (poses, motion) = self._coupling.parts, (self._colliders.poses,
-                                                        self._colliders.motion)
-        if motion is None:
-            yield from [(poses, None)] * (steps * parts)
-            return
-        for s in range(self._colliders.row, self._colliders.row + steps):
-            cut, turns = subdivide(poses[s:s + 2], motion[s:s + 1], parts)
-            yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(parts))
 
     # ------------------------------------------------------------------ changes from outside
 
@@ -434,6 +403,12 @@ class Simulation:
 
         """
         self._colliders.place(name, position, orientation)
+
+
+def _coupling(scene):
+    """Give what couples the particles; it is imported only where something does."""
+    from collision_sim.coupling import Coupling
+    return Coupling(scene)
 
 
 def _times(mass, amount):

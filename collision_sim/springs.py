@@ -21,7 +21,6 @@ import math
 
 from collision_sim.checks import as_list, Choice, MISSING, Number, read_leaves, read_only
 from collision_sim.checks import read_section, SceneError, Text
-from collision_sim.core.springs import lengths, longest_substep, mode_bounds
 import numpy as np
 
 SOLVERS = ('explicit', 'implicit')
@@ -87,7 +86,7 @@ class Springs:
         """Raise SceneError, with this path and value, where the steps cannot be stable."""
         dt = stepping.dt
         if self.solver == 'implicit':
-            square, rate = mode_bounds(self.pairs, self.laws, particle_masses(particles))
+            square, rate = self._bounds(particles)
             condition = float(np.max(1.0 + dt * rate + dt * dt * square, initial=1.0))
             if not condition <= WORST:
                 raise SceneError(path, value, (
@@ -104,7 +103,12 @@ class Springs:
                 f'{MOST_SUBSTEPS * SHARE * limit:.3g} s'))
 
     def _limit(self, particles):
-        return longest_substep(*mode_bounds(self.pairs, self.laws, particle_masses(particles)))
+        from collision_sim.core.springs import longest_substep      # kernels take a while
+        return longest_substep(*self._bounds(particles))
+
+    def _bounds(self, particles):
+        from collision_sim.core.springs import mode_bounds
+        return mode_bounds(self.pairs, self.laws, particle_masses(particles))
 
 
 def _substeps(limit, dt):
@@ -244,6 +248,7 @@ def _read_rest(section, particles, pairs):
     """Give the lengths without force: those at the start where they are not given."""
     value = section.get('rest_length', 'auto')
     if isinstance(value, str) and value == 'auto':
+        from collision_sim.core.springs import lengths
         with np.errstate(over='ignore'):
             rest = lengths(pairs, particles.position)
         if not np.isfinite(rest).all():

@@ -27,7 +27,6 @@ from collision_sim.core.motion import POSE, SCRIPT
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, Present, RESTITUTION, SHAPES, SIZE
-from collision_sim.core.sustained import BLINK, Forces
 from collision_sim.scene import Drag
 import numpy as np
 
@@ -93,6 +92,7 @@ def step_rules(scene, table, meshes):
 
 def acting_forces(scene):
     """Give what acts on a particle in flight, as sustained.Forces."""
+    from collision_sim.core.sustained import BLINK, Forces      # takes a while
     drag = scene.drag or Drag()
     return Forces(scene.gravity, drag.wind, drag.linear or None, drag.quadratic or None,
                   BLINK * scene.stepping.dt)

@@ -78,7 +78,7 @@ class Meetings(NamedTuple):
     ends (P, 2) int32: their particles; order (P,) float64: which comes first, inf for those that
     do not collide; normal (P, 3) [-]: from the second to the first; first (N,) int32: the pair
     that comes first for a particle; moved, hits (N,) int32: the round in which it has collided
-    last, and how often it has.
+    last, and how often it has; before (3, N) [m/s]: its velocity before it has.
     """
 
     ends: np.ndarray
@@ -87,6 +87,7 @@ class Meetings(NamedTuple):
     first: np.ndarray
     moved: np.ndarray
     hits: np.ndarray
+    before: np.ndarray
 
 
 @kernel
@@ -193,6 +194,8 @@ def list_meetings(sweep, dt, matter, cells, near, pieces, x, v, candidates, meet
             if matter.inverse[i] + matter.inverse[j] > 0.0 and (
                     matter.radius[i] + matter.radius[j] > 0.0):
                 meetings.ends[count, FIRST], meetings.ends[count, SECOND] = i, j
+                put(meetings.before, i, column(v, i))
+                put(meetings.before, j, column(v, j))
                 look_at(sweep, dt, matter, x, v, candidates, meetings, count)
                 count += 1
     return count

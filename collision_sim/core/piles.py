@@ -19,7 +19,7 @@ The contact stage between particles: piles, solved together with the colliders t
 Inelastic, and over the whole step. A contact is between two particles that are closer than the
 `reach` where their candidates end. It keeps their mean velocities u from closing more than the gap
 between them, and, where it has to push, their end velocities w from approaching each other more
-than they did at the start of the step: that is for the collision stage. Both have their own
+than they did at the start of the step: that is for the next collision stage. Both have their own
 impulses, with the same law, so that a pile at rest stays at rest exactly. Who started the step
 overlapping is pushed apart by the mean velocity (laws.repulsion), which the end velocity does not
 keep.
@@ -31,10 +31,11 @@ so that the floor carries the pile; but only the impulses between particles are 
 response.py then answers the colliders, with their friction, contacts and ledger. As there, a
 particle that would end inside a collider does not approach it at all.
 
-Sources: J. J. Moreau (1999), contact dynamics; E. Catto (2005), the impulses of the last step.
+Sources: J. J. Moreau (1999), contact dynamics; E. Catto (2005), the impulses of the last step;
+H. Mazhar and others (2015), Nesterov's acceleration.
 """
 
-from math import inf
+from math import inf, sqrt
 from typing import NamedTuple
 
 from collision_sim.core.detection import starts_inside
@@ -54,7 +55,7 @@ import numpy as np
 # Columns of the bodies: mean velocity, inverse mass, end velocity.
 MEAN, INVERSE, ENDING, BODY = 0, 3, 4, 8
 # Columns of the contacts: normal, effective mass, bounds of the normal velocities, impulses, and
-# of these the change of the last sweep and the direction of the conjugate gradients.
+# of these the change of the last sweep and the way that they were moved on after it.
 (NORMAL, MASS, MEAN_BOUND, END_BOUND, MEAN_IMPULSE, END_IMPULSE, CHANGE, WAY,
  CONTACT) = 0, 3, 4, 5, 6, 9, 12, 15, 18
 LAW_ROW, ENDS = 2, 3    # columns of the ends: two bodies, the row of the laws
@@ -193,8 +194,12 @@ def list_pairs(rules, law, reach, matter, meetings, count, x, v, candidates, pil
 
 
 @inlined
-def _support(rules, reach, here, table, poses, motion, x, v, candidates, c, pile, memory, size, count):
-    """List collider c as a support of a particle, if it may carry it; how many there are then."""
+def _support(rules, reach, here, table, poses, motion, x, before, candidates, c, pile, memory, size, count):
+    """
+    List collider c as a support of a particle, if it may carry it; how many there are then.
+
+    Who comes down on it from before the step will collide with it, and is not carried.
+    """
     i, dt = here.particle, rules.flight.dt
     x0, u = column(x, i), column(candidates.u, i)
     x1 = add_scaled(x0, dt, u)
@@ -202,24 +207,25 @@ def _support(rules, reach, here, table, poses, motion, x, v, candidates, c, pile
     gap = phi - here.radius
     if not gap <= SUPPORT_REACH * here.radius:
         return size, count
+    first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
+    if dot(n, subtract(column(before, i), first)) < -reach / dt:
+        return size, count
     depth = starts_inside(rules, here, table, poses, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
-    first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
     mean = dot(n, subtract(u, obj)) - gap / dt
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     _put(pile.bodies, size, MEAN, obj)
     _put(pile.bodies, size, ENDING, last)
     pile.bodies[size, INVERSE] = 0.0
-    end = _end_bound(dot(n, subtract(column(v, i), first)), gap, reach / dt)
-    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, i, x.shape[1] + c)
+    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, 0.0, i, x.shape[1] + c)
     return size + 1, count + 1
 
 
 @kernel
-def list_supports(rules, reach, table, poses, motion, radius, x, v, candidates, pile, memory, bodies,
-                  contacts):
+def list_supports(rules, reach, table, poses, motion, radius, x, before, candidates, pile, memory,
+                  bodies, contacts):
     """List the colliders that may carry the bodies; how many bodies and contacts there are."""
     size, end = bodies, min(1, poses.shape[0] - 1)
     for a in range(bodies):
@@ -229,7 +235,7 @@ def list_supports(rules, reach, table, poses, motion, radius, x, v, candidates, 
                 if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                     return size, contacts
                 here = Here(0, 0, end, 0, i, radius[i], None)
-                size, contacts = _support(rules, reach, here, table, poses, motion, x, v,
+                size, contacts = _support(rules, reach, here, table, poses, motion, x, before,
                                           candidates, c, pile, memory, size, contacts)
     return size, contacts
 
@@ -270,17 +276,17 @@ def _solve(dry, wet, laws, pile, c, which, bound, kind):
 
 
 @kernel
-def _go_further(pile, count, which, kind, part):
-    """Add a part of the last direction to the impulses, and lay out the next one."""
+def _go_further(pile, count, which, kind, part, first):
+    """Move the impulses on by a part of their change since the sweep before."""
     contacts = pile.contacts
     for c in range(count):
         way = _at(contacts, c, CHANGE)
-        if part > 0.0:
-            last = scaled(part, _at(contacts, c, WAY))
-            way = add_scaled(way, 1.0, last)
-            _put(contacts, c, kind, add_scaled(_at(contacts, c, kind), 1.0, last))
-            _push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], which, last)
+        if not first:
+            way = add_scaled(way, 1.0, _at(contacts, c, WAY))
+        way = scaled(part, way)
         _put(contacts, c, WAY, way)
+        _put(contacts, c, kind, add_scaled(_at(contacts, c, kind), 1.0, way))
+        _push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], which, way)
 
 
 @kernel
@@ -299,8 +305,8 @@ def solve(dry, wet, laws, pile, count, which, bound, kind, sweeps, enough):
     """
     Find the impulses of all contacts for one kind of velocity.
 
-    Sweeps of projected Gauss-Seidel, accelerated by nonlinear conjugate gradients (Fletcher and
-    Reeves), which start anew where the changes grow.
+    Sweeps of projected Gauss-Seidel, with Nesterov's acceleration, which starts anew where the
+    changes grow: a column of n balls takes about n sweeps, without it n^2.
 
     Parameters
     ----------
@@ -319,16 +325,18 @@ def solve(dry, wet, laws, pile, count, which, bound, kind, sweeps, enough):
         Sum of the squared changes of the impulses over the masses that is only rounding.
 
     """
-    before = 0.0
+    before, pace = 0.0, 1.0
     for k in range(sweeps):
         change = 0.0
         for c in range(count):
             change += _solve(dry, wet, laws, pile, c, which, bound, kind)
         if change <= enough or k == sweeps - 1:
             break
-        part = change / before if change <= before else 0.0
-        _go_further(pile, count, which, kind, part)
-        before = change
+        if change > before:
+            pace = 1.0
+        faster = 0.5 * (1.0 + sqrt(1.0 + 4.0 * pace * pace))
+        _go_further(pile, count, which, kind, (pace - 1.0) / faster, k == 0)
+        before, pace = change, faster
 
 
 @kernel
@@ -416,7 +424,7 @@ def settle(rules, pair_rules, dry, wet, sweeps, table, poses, motion, matter, le
         _forget(memory)
         return
     size, contacts = list_supports(rules, pair_rules.reach, table, poses, motion, matter.radius,
-                                   x, v, candidates, pile, memory, bodies, pairs)
+                                   x, meetings.before, candidates, pile, memory, bodies, pairs)
     solve(dry, wet, pair_rules.laws, pile, contacts, MEAN, MEAN_BOUND, MEAN_IMPULSE, sweeps,
           _rounding(pile, contacts, MEAN))
     for c in range(contacts):
