@@ -20,13 +20,14 @@ tested against those of its own cell only. Planes, meshes and shapes that partic
 of are not in it, nor is anything in scenes of few colliders: these are tested without a grid.
 """
 
+from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.motion import SHIFT, TURN
 from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE,
                                        signed_distance, SIZE, SPHERE)
-from collision_sim.core.vectors import EPSILON
+from collision_sim.core.vectors import dot, EPSILON, length, origin, subtract
 import numpy as np
 
 MANY = 8                        # colliders; for fewer a grid brings nothing
@@ -40,16 +41,14 @@ class Grid(NamedTuple):
     Which colliders reach into which cell.
 
     low, high (3,) [m]: corners; per_metre (3,) [1/m]: cells per length; counts (3,): cells along
-    each axis; move [m]: most that the surface of a collider moves in a step; starts (cells + 2,)
-    int64: first entry of a cell in items, the last cell is empty and for what is outside; items
-    int64: colliders; others int64: colliders that are not in the grid.
+    each axis; starts (cells + 2,) int64: first entry of a cell in items, the last cell is empty
+    and for what is outside; items int64: colliders; others int64: colliders not in the grid.
     """
 
     low: tuple
     high: tuple
     per_metre: tuple
     counts: tuple
-    move: float
     starts: np.ndarray
     items: np.ndarray
     others: np.ndarray
@@ -118,15 +117,20 @@ def _bounds(table, poses, motion, reach):
     return (places - extents).min(axis=0), (places + extents).max(axis=0)
 
 
-def _most_move(table, motion):
+@kernel
+def most_move(motion, step, table):
     """Most that the surface of a collider moves in a step [m]; infinite where a plane turns."""
-    if motion is None:
-        return 0.0
-    sizes = np.where(table[:, KIND] == PLANE, np.inf, 2.0 * table[:, SIZE:SIZE + 3].sum(axis=1))
-    turns = np.linalg.norm(motion[:, :, TURN:TURN + 3], axis=2)
-    with np.errstate(invalid='ignore'):
-        spins = np.where(turns > 0.0, turns * sizes, 0.0)
-    return float(np.max(np.linalg.norm(motion[:, :, SHIFT:SHIFT + 3], axis=2) + spins))
+    most = 0.0
+    if motion is not None:
+        for c in range(table.shape[0]):
+            k, t = SHIFT, TURN
+            shift = (motion[step, c, k], motion[step, c, k + 1], motion[step, c, k + 2])
+            turn = (motion[step, c, t], motion[step, c, t + 1], motion[step, c, t + 2])
+            size = table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
+            size = inf if table[c, KIND] == PLANE else size
+            angle = length(turn)
+            most = max(most, length(shift) + (angle * size if angle > 0.0 else 0.0))
+    return most
 
 
 @kernel
@@ -191,7 +195,7 @@ def make_grid(table, poses, motion, reach):
     counts = np.clip(np.ceil(extent / edge), 1, int(np.cbrt(MOST_CELLS))).astype(np.int64)
     starts = np.zeros(np.prod(counts) + 2, dtype=np.int64)
     grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
-                tuple(counts.tolist()), _most_move(table, motion), starts,
+                tuple(counts.tolist()), starts,
                 np.empty(0, dtype=np.int64), np.setdiff1d(np.arange(len(table)), which))
     _fill(grid, lows, highs, which, False)
     np.cumsum(starts, out=starts)
@@ -324,46 +328,71 @@ def _insert(chosen, count, c):
 
 
 @kernel
-def choose(grid, table, x0, reach, chosen):
+def _choose_in_grid(grid, x0, reach, chosen):
+    """Choose from the cells within reach [m] of a point; how many are chosen."""
+    count = 0
+    for m in range(grid.others.shape[0]):
+        count = _insert(chosen, count, grid.others[m])
+    if _apart(grid, x0[0], x0[1], x0[2], reach):
+        return count
+    fx, lx = _range(grid, 0, x0[0], reach)
+    fy, ly = _range(grid, 1, x0[1], reach)
+    fz, lz = _range(grid, 2, x0[2], reach)
+    for cz in range(fz, lz + 1):
+        for cy in range(fy, ly + 1):
+            for cx in range(fx, lx + 1):
+                cell = cx + grid.counts[0] * (cy + grid.counts[1] * cz)
+                for m in range(grid.starts[cell], grid.starts[cell + 1]):
+                    count = _insert(chosen, count, grid.items[m])
+    return count
+
+
+@kernel
+def _is_bounded(table, c):
+    """Whether particles outside a sphere around a collider are clear of it."""
+    kind = table[c, KIND]
+    return table[c, SIDE] > 0.0 and (
+        kind == SPHERE or kind == BOX or kind == CAPSULE or kind == CYLINDER)
+
+
+@kernel
+def _choose_one_by_one(table, poses, start, x0, reach, chosen):
+    """Choose by spheres around the colliders; how many are chosen."""
+    count = 0
+    for c in range(table.shape[0]):
+        limit = reach + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
+        arm = subtract(x0, origin(poses, start, c))
+        if not _is_bounded(table, c) or not dot(arm, arm) > limit * limit:
+            chosen[count] = c
+            count += 1
+    return count
+
+
+@kernel
+def choose(grid, table, poses, start, x0, reach, chosen):
     """
     Choose the colliders that a particle may touch in a step.
 
     Parameters
     ----------
-    grid, table : Grid or None, (C, COLUMNS) float64
-        None where there is no grid; the colliders.
+    grid, table, poses : Grid or None, (C, COLUMNS), (S, C, 12) float64
+        None where there is no grid; the colliders and their poses.
+    start : int
+        Row of poses at the start of the step.
     x0 : (3,) tuple of float [m]
         Start of the step.
     reach : float [m]
-        How far from there anything of the step may happen, the moves of colliders left out.
+        How far from there anything of the step may happen, twice the moves of colliders included.
     chosen : (C,) int64
-        Scratch.
+        Overwritten with their indices, ascending.
 
     Returns
     -------
-    chosen : (K,) int64 or None
-        Their indices, ascending; None, for all, without a grid.
+    count : int
+        How many are chosen.
 
     """
     if grid is not None:
-        count, reach = 0, reach + 2.0 * grid.move
-        if not reach < grid.high[0] - grid.low[0] + grid.high[1] - grid.low[1]:
-            for c in range(table.shape[0]):
-                chosen[c] = c
-            return chosen[:table.shape[0]]
-        for m in range(grid.others.shape[0]):
-            count = _insert(chosen, count, grid.others[m])
-        if _apart(grid, x0[0], x0[1], x0[2], reach):
-            return chosen[:count]
-        nx, ny = grid.counts[0], grid.counts[1]
-        fx, lx = _range(grid, 0, x0[0], reach)
-        fy, ly = _range(grid, 1, x0[1], reach)
-        fz, lz = _range(grid, 2, x0[2], reach)
-        for cz in range(fz, lz + 1):
-            for cy in range(fy, ly + 1):
-                for cx in range(fx, lx + 1):
-                    cell = cx + nx * (cy + ny * cz)
-                    for m in range(grid.starts[cell], grid.starts[cell + 1]):
-                        count = _insert(chosen, count, grid.items[m])
-        return chosen[:count]
-    return None
+        if reach < grid.high[0] - grid.low[0] + grid.high[1] - grid.low[1]:
+            return _choose_in_grid(grid, x0, reach, chosen)
+    return _choose_one_by_one(table, poses, start, x0, reach, chosen)

@@ -176,10 +176,12 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
 
 @kernel
 def _answer_chunk(rules, table, poses, motion, step, start, end, c, s, count):
-    """Answer the particles of a chunk, in loops without branches."""
-    if _find_hits(poses, motion, step, start, end, c, s, count) > 0:
+    """Answer the particles of a chunk, in loops without branches; whether any collides."""
+    hits = _find_hits(poses, motion, step, start, end, c, s, count) > 0
+    if hits:
         _collide(rules, table, poses, motion, step, start, end, c, s, count)
     _press(rules, table, poses, motion, step, start, end, c, s, count)
+    return hits
 
 
 @kernel
@@ -213,12 +215,18 @@ def _count_and_log(log, accounts, block, particle, c, poses, end, s, i, done):
 
 
 @kernel
+def _copy_rows(s, i, k):
+    """Copy what is known of particle i of a chunk before it is answered to place k."""
+    for row in range(TOUCHED):
+        s[row * CHUNK + k] = s[row * CHUNK + i]
+
+
+@kernel
 def _padded(s, count):
     """Repeat the last particle of a chunk until vectors are full; the count then."""
     full = (count + LANES - 1) // LANES * LANES
     for i in range(count, full):
-        for row in range(TOUCHED):
-            s[row * CHUNK + i] = s[row * CHUNK + count - 1]
+        _copy_rows(s, count - 1, i)
     return full
 
 
@@ -238,14 +246,15 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
             touching[left] = int(s[WHICH * CHUNK + i])
             left += 1
         else:
-            for row in range(TOUCHED):
-                s[row * CHUNK + kept] = s[row * CHUNK + i]
+            if kept < i:
+                _copy_rows(s, i, kept)
             kept += 1
-    _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s,
-                  _padded(s, kept))
-    for row in (BETWEEN, PLACE):
-        _leave_if_touching(grid, rules.present, table, poses, here.end, c, row, s, kept, clear,
+    if _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s,
+                     _padded(s, kept)):
+        _leave_if_touching(grid, rules.present, table, poses, here.end, c, BETWEEN, s, kept, clear,
                            cells)
+    _leave_if_touching(grid, rules.present, table, poses, here.end, c, PLACE, s, kept, clear,
+                       cells)
     for i in range(kept):
         j, done = int(s[WHICH * CHUNK + i]), s[DONE * CHUNK + i]
         if done == LEFT:

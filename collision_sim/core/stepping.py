@@ -20,7 +20,7 @@ next block is touched. Blocks do not depend on the number of threads, and neithe
 """
 
 from collision_sim.core.blocks import find_touching, path_lengths
-from collision_sim.core.broad_phase import choose, radius_at
+from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import book_free_flights, move_block
 from collision_sim.core.jit import kernel, widest_vectors
 from collision_sim.core.mesh_blocks import touch_meshes
@@ -118,12 +118,14 @@ def step_block(grid, rules, steps, row, block, table, poses, motion, radius, log
         count = _few_left(rules.planes, ledger, candidates, grid, rules, here, table, poses,
                           motion, near, log, accounts, first, old, px, py, pz, vx, vy, vz, chunk,
                           clear, lengths, touching, count)
+        move = most_move(motion, step, table) if count > 0 else 0.0
         for k in range(count):
             j = touching[k]
             x0, v0 = (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j])
-            reach = _reach(rules.flight.dt, x0, v0, (px[j], py[j], pz[j]), (vx[j], vy[j], vz[j]))
+            reach = 2.0 * move + _reach(rules.flight.dt, x0, v0, (px[j], py[j], pz[j]),
+                                        (vx[j], vy[j], vz[j]))
             here = Here(step, start, end, block, first + j, radius_at(near, j),
-                        choose(grid, table, x0, reach, chosen))
+                        chosen[:choose(grid, table, poses, start, x0, reach, chosen)])
             x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes,
                              x0, v0, ledger, candidates)
             px[j], py[j], pz[j] = x1
