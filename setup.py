@@ -78,6 +78,7 @@ setup(
             'pydocstyle',
             'pytest',
             'pytest-timeout',
+            'pytest-xdist',
             'scipy',
         ],
     },

@@ -165,7 +165,9 @@ def check_method(colliders, method):
     Parameters
     ----------
     colliders : iterable of Collider
+        Of the scene.
     method : str
+        By which it is stepped.
 
     Raises
     ------

@@ -127,6 +127,7 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
     Parameters
     ----------
     vertices : (V, 3) float64 [m]
+        In any order.
     corners : (sum of sizes,) int64
         Vertices of the polygons, one after the other.
     sizes : (P,) int64

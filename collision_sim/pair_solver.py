@@ -16,10 +16,11 @@
 """Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
 
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
-from collision_sim.core.neighbours import (BOUNDS, find_near, lay_out_cells, Near, PHASES, PIECE,
-                                           QUEUE)
-from collision_sim.core.pairs import collide_all, Matter, Meetings, PairRules
-from collision_sim.core.piles import BODY, CONTACT, ENDS, Memory, Pile, settle
+from collision_sim.core.contact_solver import BODY, CONTACT, ENDS, Pile
+from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
+                                           PIECE, QUEUE)
+from collision_sim.core.pairs import collide_all, list_meetings, Matter, Meetings, PairRules
+from collision_sim.core.piles import Memory, settle
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import share
@@ -75,6 +76,7 @@ class PairSolver:
         self._sweeps = SWEEPS * scene.stepping.iterations
         self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + reach, 0.0)
         self._extent[:] = self._base
+        self._bounds[:, LARGEST] = self._base.max(initial=0.0)
         self._many = rules.sweep is not None or bool(np.any(self._base != self._base[:1]))
 
     def step(self, parts, candidates, flies, threads):
@@ -101,18 +103,21 @@ class PairSolver:
         pieces = -(-int(self._cells.start[slots_in(self._cells.levels)]) // PIECE)
         self._find(pieces, threads)
         parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
-        pairs = int(self._near.count[:pieces].sum())
+        ends = np.cumsum(self._near.count[:pieces])
+        pairs = int(ends[-1])
+        if pairs == 0:
+            self.forget()
+            return
         if pairs > len(self._meetings.ends):
             self._make_room(2 * pairs)
-        if pairs > 0:
-            shared = parts.x, parts.v, candidates, self._meetings
-            met = collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger,
-                              self._cells, self._near, pieces, *shared, parts.accounts)
-            settle(rules, self._rules, self._dry, self._wet, self._sweeps, parts.table,
-                   parts.poses, parts.motion, self._matter, parts.ledger, *shared, met,
-                   self._pile, self._memory, parts.accounts)
-        else:
-            self.forget()
+        shared = parts.x, parts.v, candidates, self._meetings
+        share(list_meetings, threads, rules.sweep, rules.flight.dt, self._matter, self._cells,
+              self._near, ends - self._near.count[:pieces], *shared)
+        collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger, *shared,
+                    pairs, parts.accounts)
+        settle(rules, self._rules, self._dry, self._wet, self._sweeps, parts.table, parts.poses,
+               parts.motion, self._matter, parts.ledger, *shared, pairs, self._pile, self._memory,
+               parts.log, parts.accounts)
 
     def forget(self):
         """Forget the impulses of the last step."""

@@ -31,11 +31,11 @@ import numpy as np
 
 TOKEN = re.compile(rb'#[^\n]*|"([^"\n]*)"|([\[\]])|([A-Za-z][A-Za-z0-9_:]*)|([^\s\[\]"#]+)|(")')
 DEEPEST = 1000              # blocks within blocks
-REFUSED = frozenset('''
-    Blobby CoordSysTransform Cone Curves Cylinder Deformation Disk Geometry HierarchicalSubdivisionMesh
-    Hyperboloid MotionBegin NuPatch ObjectBegin ObjectInstance Paraboloid Patch PatchMesh
-    Perspective Points Procedural Procedural2 ReadArchive Skew SolidBegin Sphere SubdivisionMesh
-    Torus TrimCurve Volume'''.split())
+REFUSED = frozenset((
+    'Blobby CoordSysTransform Cone Curves Cylinder Deformation Disk Geometry '
+    'HierarchicalSubdivisionMesh Hyperboloid MotionBegin NuPatch ObjectBegin ObjectInstance '
+    'Paraboloid Patch PatchMesh Perspective Points Procedural Procedural2 ReadArchive Skew '
+    'SolidBegin Sphere SubdivisionMesh Torus TrimCurve Volume').split())
 BEGINS = {'AttributeBegin', 'TransformBegin', 'FrameBegin', 'WorldBegin'}
 ENDS = {'AttributeEnd', 'TransformEnd', 'FrameEnd', 'WorldEnd'}
 COUNTS = {'Translate': 3, 'Scale': 3, 'Rotate': 4, 'ConcatTransform': 16, 'Transform': 16,

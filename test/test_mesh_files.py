@@ -147,13 +147,15 @@ def test_errors_name_key_and_element():
     refusal('face 2 has no area', vertices=TETRAHEDRON, faces=[*SIDES[:2], [0, 1, 1]])
     refusal('face 0 has no area', vertices=[[0, 0, 0], [1, 1, 1], [3, 3, 3]], faces=[[0, 1, 2]])
     refusal('face 1 must have at least 3 corners', vertices=TETRAHEDRON, faces=[[0, 1, 2], [0]])
-    refusal('vertices[2]', 'finite', vertices=[*TETRAHEDRON[:2], [0, np.nan, 0]], faces=[[0, 1, 2]])
+    refusal('vertices[2]', 'finite', vertices=[*TETRAHEDRON[:2], [0, np.nan, 0]],
+            faces=[[0, 1, 2]])
     refusal('vertex 1 ', '1e+30', vertices=[[0, 0, 0], [1e200, 0, 0], [0, 1, 0]],
             faces=[[0, 1, 2]])
     refusal('at least one face', vertices=TETRAHEDRON, faces=[])
     refusal('crosses itself', vertices=[[0, 0, 0], [2, 2, 0], [3, 0, 0], [0, 1, 0]],
             faces=[[0, 1, 2, 3]])
-    refusal('flat', vertices=[[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]], faces=[[0, 1, 2, 3]])
+    refusal('flat', vertices=[[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]],
+            faces=[[0, 1, 2, 3]])
     refusal('must be closed', vertices=TETRAHEDRON, faces=SIDES[:3], inside=True)
     refusal('scale', 'above 0', vertices=TETRAHEDRON, faces=SIDES, scale=0)
     refusal('radius', 'unknown key', vertices=TETRAHEDRON, faces=SIDES, radius=1)
@@ -242,7 +244,7 @@ def test_garbage_is_refused(tmp_path):
 
 
 def test_rib_transformations_and_unknown_requests(tmp_path):
-    write(tmp_path, 'a.rib', b'''
+    write(tmp_path, 'a.rib', b"""
         version 3.03 Option "limits" "bucketsize" [32 32]
         Translate 0 0 5                     # of the camera
         WorldBegin
@@ -256,14 +258,15 @@ def test_rib_transformations_and_unknown_requests(tmp_path):
             TransformEnd
             PointsGeneralPolygons [1] [3] [0 1 2] "P" [0 0 0  1 0 0  0 1 0]
           AttributeEnd
-        WorldEnd''')
+        WorldEnd""")
     found = collider(tmp_path, file='a.rib').mesh
     places = {tuple(np.round(v, 12) + 0.0) for v in found.vertices}
     assert places == {(1, 2, 5), (1, 4, 5), (-1, 2, 5), (1, 2, 3), (2, 2, 3), (1, 3, 3)}
 
 
 def test_references_out_of_a_file_are_not_followed(tmp_path):
-    write(tmp_path, 'a.obj', b'mtllib /dev/zero\nusemtl x\n' + small_meshes.obj(TETRAHEDRON, SIDES))
+    content = small_meshes.obj(TETRAHEDRON, SIDES)
+    write(tmp_path, 'a.obj', b'mtllib /dev/zero\nusemtl x\n' + content)
     assert collider(tmp_path, file='a.obj').mesh.closed
     refusal('no such file', directory=tmp_path, file='../' + tmp_path.name + '/none.obj')
     (tmp_path / 'folder.obj').mkdir()

@@ -487,7 +487,7 @@ def test_messages(path, value, message):
 @pytest.mark.parametrize('path, key, nearest', [
     (['restituton'], 'restituton', 'restitution'),
     (['springs', 'stifness'], 'springs.stifness', 'stiffness'),
-    (['pairs'], 'pairs', 'particles'),
+    (['pair'], 'pair', 'pairs'),
     ([5], '5', None),
     ([None], 'None', None),
     ([(1, 2)], '(1, 2)', None),

@@ -22,7 +22,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import EPSILON, G, METHODS, plane, simulate, UPRIGHT
 
-KEYS = ['collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided']
+KEYS = ['collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided',
+        'pair_collisions', 'pair_contacts']
 QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
 
 

@@ -17,10 +17,10 @@
 The grid of cells: which particles may be near each other.
 
 Each particle has a centre and an extent, and two are near if their centres are closer than the
-sum of their extents. A particle lives in a level of the grid by its extent: cells of a level are at
-least twice as wide as the largest extent in it, those of the next finer level half as wide. So near
-particles of a level lie in neighbouring cells, and a particle is near to a larger one only
-if that lies in one of the 27 cells of the coarser level around it.
+sum of their extents. A particle lives in a level of the grid by its extent: cells of a level are
+at least twice as wide as the largest extent in it, those of the next finer level half as wide. So
+near particles of a level lie in neighbouring cells, and a particle is near to a larger one only if
+that lies in one of the 27 cells of the coarser level around it.
 
 A level has a table of slots. A cell with the whole coordinates (a, b, c) has the slot
 a + sy b + sz c: runs of cells along x are runs of slots. Where the cells of the box around all
@@ -45,7 +45,7 @@ MANY = 32               # particles in a slot; more are sorted with gaps
 GHOSTS = 2              # slots of a level that repeat its first ones behind its last
 LEVELS = 64             # of the grid; each with cells half as wide as the one before
 POINTS = LEVELS - 1     # level of particles without extent, which are never near each other
-FEWEST = 128            # slots of a level; for fewer the golden strides are too close to each other
+FEWEST = 128            # slots of a level; with fewer the golden strides come too close
 WIDER = 1.0 + 2.0 ** -20        # of a cell than need be: covers the rounding of its coordinates
 FARTHEST = 2.0 ** 32            # cells from the origin up to which that is enough
 UNBOUNDED = 2.0 ** 61           # largest whole coordinate of a cell
@@ -63,9 +63,9 @@ class Cells(NamedTuple):
 
     inverse (LEVELS,) [1/m]: of the width of the cells; levels (LEVELS, LEVEL) int64; slot (N,)
     int32: of each particle; counts (chunks, slots) int32; start (slots + 1,) int32: first row of
-    each slot; rows (2 N, PLACE) [m], particle (2 N,) int32, home (2 N,) int32: the particles in the
-    order of their slots, with their slots. level (N,) int8: of each particle, None where all are
-    in level 0.
+    each slot; rows (2 N, PLACE) [m], particle (2 N,) int32, home (2 N,) int32: the particles in
+    the order of their slots, with their slots. level (N,) int8: of each particle, None where all
+    are in level 0.
     """
 
     inverse: np.ndarray
@@ -358,9 +358,7 @@ def _order_rows(cells, first, last):
 @kernel
 def order_slots(cells, first, last):
     """Sort the particles of each slot that begins in the rows from `first` to `last`."""
-    home, row = cells.home, first
-    while row < last:
-        end = cells.start[home[row] + 1]
-        if end - row > 1 and cells.start[home[row]] == row:
-            _order_rows(cells, row, end)
-        row = end
+    home, start = cells.home, cells.start
+    for row in range(first, last):
+        if home[row] == home[row + 1] and start[home[row]] == row:
+            _order_rows(cells, row, start[home[row] + 1])

@@ -64,6 +64,15 @@ def _start_depth(meshes, rules, here, table, poses, c, x0):
 
 
 @inlined
+def is_same_surface(meshes, table, c, n, other, n_other):
+    """Whether two contacts are with one surface: the same collider, of a mesh the same face."""
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            return c == other and dot(n, n_other) > STRAIGHT
+    return c == other
+
+
+@inlined
 def rounding_depth(here, table, poses, c, x0):
     """Distance [m] to a collider at the start of the step that is only rounding."""
     return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])

@@ -30,8 +30,8 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.mesh_cells import (cell_at, cell_centre, CLOSED, EXTENT, FIRST_NODE, INSIDE,
-                                           LAST_NODE, NEAR_INSIDE, NEAR_OUTSIDE)
+from collision_sim.core.mesh_cells import (cell_index, cell_of, cells_of, CLOSED, EXTENT,
+                                           FIRST_NODE, INSIDE, is_in_grid, LAST_NODE, NEAR_INSIDE)
 from collision_sim.core.mesh_rays import line_through, pierces
 from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 import numpy as np
@@ -62,7 +62,9 @@ class Meshes(NamedTuple):
     sharp : (T,) uint8
         Bit f - 1 is set where feature f is no part of a flat surface.
     cells : (G,) uint8
-        The grids of cells.
+        Labels of the cells of the grids.
+    starts, listed : (G,) int32, (L,) int32
+        The triangles that come into cell g are listed from starts[g] to before starts[g + 1].
 
     """
 
@@ -72,6 +74,8 @@ class Meshes(NamedTuple):
     normals: np.ndarray
     sharp: np.ndarray
     cells: np.ndarray
+    starts: np.ndarray
+    listed: np.ndarray
 
 
 @inlined
@@ -189,22 +193,45 @@ def nearest(meshes, m, p, bound):
     q : (3,) tuple of float [m]
 
     """
-    nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
-    least, found, feature, q = bound, -1, FACE, p
-    while i < last:
-        count = int(nodes[i, COUNT])
-        if box_distance_squared(nodes, i, p) > least * least:
+    low, high = box_of(p, p, bound)
+    first, last, few = cells_of(meshes.heads, m, low, high)
+    if few:
+        return _nearest_in_cells(meshes, m, p, bound, first, last)
+    nodes, i, end = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
+    best = (bound, -1, FACE, p)
+    while i < end:
+        if box_distance_squared(nodes, i, p) > best[0] * best[0]:
             i = after(nodes, i)
             continue
-        first = int(nodes[i, NEXT])
-        for t in range(first, first + count):
-            if abs(height_over(meshes.triangles, t, p)) >= least:
-                continue
-            d, q_t, feature_t = triangle_distance(meshes.triangles, t, p)
-            if d < least:
-                least, found, feature, q = d, t, feature_t, q_t
+        start = int(nodes[i, NEXT])
+        for t in range(start, start + int(nodes[i, COUNT])):
+            best = _nearer(meshes.triangles, t, p, best)
         i += 1
-    return least, found, feature, q
+    return best
+
+
+@inlined
+def _nearer(triangles, t, p, best):
+    """Give distance, triangle, feature and point of triangle t if it is nearer than the best."""
+    if abs(height_over(triangles, t, p)) < best[0]:
+        d, q, feature = triangle_distance(triangles, t, p)
+        if d < best[0]:
+            return d, t, feature, q
+    return best
+
+
+@kernel
+def _nearest_in_cells(meshes, m, p, bound, first, last):
+    """Nearest triangle as `nearest`, of those in a block of cells."""
+    best = (bound, -1, FACE, p)
+    for i in range(first[0], last[0] + 1):
+        for j in range(first[1], last[1] + 1):
+            for k in range(first[2], last[2] + 1):
+                g = cell_index(meshes.heads, m, i, j, k)
+                if meshes.cells[g] > INSIDE:
+                    for e in range(meshes.starts[g], meshes.starts[g + 1]):
+                        best = _nearer(meshes.triangles, int(meshes.listed[e]), p, best)
+    return best
 
 
 @inlined
@@ -231,7 +258,7 @@ def is_in_front(meshes, t, feature, q, p):
 @kernel
 def normal_towards(meshes, t, feature, q, p, d, front, sure):
     """
-    Unit normal of the surface at its point q nearest to p, on the side of p.
+    Give the unit normal of the surface at its point q nearest to p, on the side of p.
 
     That is the normal of the face, also at edges and corners that are part of a flat surface; else
     the direction from the feature, and very near to it, where that is only rounding, the
@@ -268,13 +295,15 @@ def is_inside(meshes, m, p):
     from the centre of the cell are added up; a way that touches an edge or a corner says nothing,
     and the normal at the nearest feature decides.
     """
-    cell = cell_at(meshes.heads, meshes.cells, m, p)
-    if cell != NEAR_INSIDE and cell != NEAR_OUTSIDE:
-        return cell == INSIDE
-    centre = cell_centre(meshes.heads, m, p)
-    crossings, certain = _signed_crossings(meshes, m, centre, p)
+    if not is_in_grid(meshes.heads, m, p):
+        return False
+    g, centre = cell_of(meshes.heads, m, p)
+    label = meshes.cells[g]
+    if label <= INSIDE:
+        return label == INSIDE
+    crossings, certain = _signed_crossings(meshes, g, centre, p)
     if certain:
-        return crossings < (1 if cell == NEAR_INSIDE else 0)
+        return crossings < (1 if label == NEAR_INSIDE else 0)
     d, t, feature, q = nearest_of_all(meshes, m, p)
     return d > 0.0 and not is_in_front(meshes, t, feature, q, p)
 
@@ -295,9 +324,18 @@ def box_of(a, b, margin):
 
 
 @kernel
-def _signed_crossings(meshes, m, a, b):
+def _signed_crossings(meshes, g, a, b):
     """
-    Times that the way from a to b crosses to the front of triangles less times to the back.
+    Count how often the way from a to b comes to the front of triangles, less how often behind.
+
+    Parameters
+    ----------
+    meshes : Meshes
+        Of the scene.
+    g : int
+        Cell that the way does not leave.
+    a, b : (3,) tuple of float [m]
+        In the frame of the mesh.
 
     Returns
     -------
@@ -306,22 +344,15 @@ def _signed_crossings(meshes, m, a, b):
         False where the way touches an edge, or an end lies in the plane of a triangle it meets.
 
     """
-    nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
     triangles, crossings, certain = meshes.triangles, 0, True
-    low, high = box_of(a, b, 0.0)
     line = line_through(a, subtract(b, a))
-    while i < last:
-        if apart(nodes, i, low, high):
-            i = after(nodes, i)
-            continue
-        first = int(nodes[i, NEXT])
-        for t in range(first, first + int(nodes[i, COUNT])):
-            sa, sb = height_over(triangles, t, a), height_over(triangles, t, b)
-            if sa * sb <= 0.0:
-                met, at_edge = pierces(line, triangles, t)
-                certain = certain and not (met and (at_edge or sa == 0.0 or sb == 0.0))
-                crossings += (1 if sb > sa else -1) if met else 0
-        i += 1
+    for k in range(meshes.starts[g], meshes.starts[g + 1]):
+        t = meshes.listed[k]
+        ha, hb = height_over(triangles, t, a), height_over(triangles, t, b)
+        if ha * hb <= 0.0:
+            met, at_edge = pierces(line, triangles, t)
+            certain = certain and not (met and (at_edge or ha == 0.0 or hb == 0.0))
+            crossings += (1 if hb > ha else -1) if met else 0
     return crossings, certain
 
 

@@ -23,10 +23,9 @@ the cells of the grid, then the tree.
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.jit import kernel
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
-from collision_sim.core.mesh_cells import (box_label, BOX_HIGH, BOX_LOW, FIRST_NODE, INSIDE,
+from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
 from collision_sim.core.mesh_contact import mesh_of, side_of, skin_of, to_frame
 from collision_sim.core.mesh_path import meet

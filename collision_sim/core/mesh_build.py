@@ -20,19 +20,15 @@ Done once when a simulation starts, with faces that mesh_files.py has checked.
 """
 
 from collision_sim.core.jit import kernel, law
-from collision_sim.core.mesh import (CORNER, COUNT, EDGE, FEATURES, is_in_front, Meshes,
-                                     nearest_of_all, NEXT, NORMAL, TRIANGLE, VERTEX)
-from collision_sim.core.mesh_cells import (BOX_HIGH, BOX_LOW, cell_index, CELLS, centre_of, CLOSED,
-                                           EDGE_LENGTH, EXTENT, FIRST_CELL, FIRST_NODE, GRID_LOW,
-                                           HEAD, INSIDE, LAST_NODE, NEAR_INSIDE, NEAR_OUTSIDE,
-                                           OUTSIDE)
+from collision_sim.core.mesh import (CORNER, COUNT, EDGE, FEATURES, Meshes, NEXT, NORMAL,
+                                     TRIANGLE, VERTEX)
+from collision_sim.core.mesh_cells import (BOX_HIGH, BOX_LOW, CELLS, CLOSED, EDGE_LENGTH, EXTENT,
+                                           FIRST_CELL, FIRST_NODE, GRID_LOW, HEAD, LAST_NODE)
+from collision_sim.core.mesh_grid import fit_grid, label_cells, list_triangles
 from collision_sim.core.mesh_tree import tree
 import numpy as np
 
 FLAT = 1e-9             # rad between the normals of neighbours in one flat surface
-CELLS_PER_TRIANGLE, FEWEST_CELLS, MOST_CELLS = 64, 2 ** 12, 2 ** 20
-UNKNOWN = 255           # label of a cell that is not done yet
-SHIFT = 0.6180339887498949      # of the grid, in cells, so that faces miss the centres of cells
 
 
 def mesh_arrays(vertices, faces, closed):
@@ -47,6 +43,7 @@ def mesh_arrays(vertices, faces, closed):
         Triangles that have an area; of a closed mesh with their corners turning left as seen from
         outside.
     closed : bool
+        Whether each edge has two triangles.
 
     Returns
     -------
@@ -67,10 +64,11 @@ def mesh_arrays(vertices, faces, closed):
     features = np.empty((len(faces), FEATURES), dtype=np.float32)
     features[:, :9] = edge_normals(edges, whole, normals).reshape(-1, 9)
     features[:, 9:] = vertex_normals(faces, corners, whole, normals).reshape(-1, 9)
-    head = _head(vertices, closed, len(nodes), len(faces))
-    cells = np.full(int(head[CELLS:FIRST_CELL].prod()), UNKNOWN, dtype=np.uint8)
-    meshes = Meshes(head[None], nodes, triangles, features,
-                    sharp_features(edges, faces, whole, patches), cells)
+    heads = _head(corners, closed, len(nodes))[None]
+    starts, listed = list_triangles(heads, triangles)
+    meshes = Meshes(heads, nodes, triangles, features,
+                    sharp_features(edges, faces, whole, patches),
+                    np.empty(len(starts), dtype=np.uint8), starts, listed)
     label_cells(meshes, closed)
     return meshes
 
@@ -79,18 +77,22 @@ def joined(parts):
     """Give meshes, each by itself, as one mesh.Meshes."""
     heads = np.concatenate([part.heads for part in parts])
     nodes = np.concatenate([part.nodes for part in parts])
-    sizes = np.array([[len(part.nodes), len(part.triangles), len(part.cells)] for part in parts])
+    sizes = np.array([[len(part.nodes), len(part.triangles), len(part.cells), len(part.listed)]
+                      for part in parts])
     starts = np.cumsum(sizes, axis=0) - sizes
     heads[:, FIRST_NODE] += starts[:, 0]
     heads[:, LAST_NODE] += starts[:, 0]
     heads[:, FIRST_CELL] += starts[:, 2]
     leaf = nodes[:, COUNT] > 0.0
     nodes[:, NEXT] += np.where(leaf, *np.repeat(starts[:, [1, 0]], sizes[:, 0], axis=0).T)
-    return Meshes(heads, nodes, *(np.concatenate(arrays) for arrays in list(zip(*parts))[2:]))
+    together = Meshes(heads, nodes, *(np.concatenate(arrays) for arrays in list(zip(*parts))[2:]))
+    together.starts[:] += np.repeat(starts[:, 3], sizes[:, 2]).astype(np.int32)
+    together.listed[:] += np.repeat(starts[:, 1], sizes[:, 3]).astype(np.int32)
+    return together
 
 
 def face_normals(corners):
-    """Unit normals (T, 3) and areas (T,) [m^2] of triangles (T, 3, 3)."""
+    """Give the unit normals (T, 3) and areas (T,) [m^2] of triangles (T, 3, 3)."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.sqrt(np.square(cross).sum(axis=1))
     return cross / size[:, None], 0.5 * size
@@ -166,13 +168,13 @@ def patch_normals(patches, normals, areas):
 
 
 def edge_normals(edges, whole, normals):
-    """Sums of the normals of the two faces at each edge, (T, 3, 3); 0 where that is not two."""
+    """Add the normals of the two faces at each edge, (T, 3, 3); 0 where that is not two."""
     sums = _sums(edges, edges.max() + 1, np.repeat(normals[:, None], 3, axis=1))
     return np.where(whole[..., None], sums[edges], 0.0)
 
 
 def vertex_normals(faces, corners, whole, normals):
-    """Sums of the normals at each corner, weighted by angle, (T, 3, 3); 0 on a rim."""
+    """Add the normals at each corner, weighted by angle, (T, 3, 3); 0 on a rim."""
     on, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     angle = np.arctan2(np.sqrt(np.square(np.cross(on, back)).sum(axis=2)), (on * back).sum(axis=2))
     sums = _sums(faces, faces.max() + 1, angle[..., None] * normals[:, None])
@@ -201,88 +203,12 @@ def sharp_features(edges, faces, whole, patches):
     return bits
 
 
-def _head(vertices, closed, nodes, count):
+def _head(corners, closed, nodes):
     """Row of the heads of a mesh by itself."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    h, cells = _grid(high - low, min(max(CELLS_PER_TRIANGLE * count, FEWEST_CELLS), MOST_CELLS))
-    head = np.zeros(HEAD)
+    head, points = np.zeros(HEAD), corners.reshape(-1, 3)
     head[LAST_NODE], head[CLOSED] = nodes, closed
-    head[EXTENT] = np.sqrt(np.square(vertices).sum(axis=1).max())
-    head[BOX_LOW:BOX_HIGH], head[BOX_HIGH:GRID_LOW] = low, high
-    head[GRID_LOW:EDGE_LENGTH] = low - (1.0 + SHIFT) * h
-    head[EDGE_LENGTH], head[CELLS:FIRST_CELL] = h, cells
+    head[EXTENT] = np.sqrt(np.square(points).sum(axis=1).max())
+    head[BOX_LOW:BOX_HIGH], head[BOX_HIGH:GRID_LOW] = points.min(axis=0), points.max(axis=0)
+    (head[EDGE_LENGTH], head[GRID_LOW:EDGE_LENGTH],
+     head[CELLS:FIRST_CELL]) = fit_grid(corners)
     return head
-
-
-def _grid(extent, most):
-    """Edge length of cells [m] and how many there are along each axis: at most so many in all."""
-    fine, coarse = extent.max() / most, extent.max()
-    for _ in range(64):
-        h = np.sqrt(fine * coarse)
-        fits = np.prod(np.ceil(extent / h) + 3.0) <= most
-        fine, coarse = (fine, h) if fits else (h, coarse)
-    return coarse, np.ceil(extent / coarse) + 3.0
-
-
-@law
-def label_cells(meshes, closed):
-    """Write the labels of the cells of a mesh by itself; all are UNKNOWN before."""
-    heads, cells = meshes.heads, meshes.cells
-    dims = (int(heads[0, CELLS]), int(heads[0, CELLS + 1]), int(heads[0, CELLS + 2]))
-    span = np.empty((2, 3), dtype=np.int64)
-    for t in range(len(meshes.triangles)):
-        _mark_near(heads, cells, meshes.triangles, t, span)
-    todo = np.empty(len(cells), dtype=np.int64)
-    _fill(cells, dims, todo, 0, OUTSIDE)
-    for g in range(len(cells)):
-        if cells[g] == UNKNOWN:
-            _fill(cells, dims, todo, g, INSIDE if closed and _is_within(meshes, dims, g)
-                  else OUTSIDE)
-        elif cells[g] == NEAR_OUTSIDE and closed and _is_within(meshes, dims, g):
-            cells[g] = NEAR_INSIDE
-
-
-@kernel
-def _mark_near(heads, cells, triangles, t, span):
-    """Label the cells that triangle t may come into: its box, and its plane, meet them."""
-    h = heads[0, EDGE_LENGTH]
-    for k in range(3):
-        a, b, c = triangles[t, k], triangles[t, 3 + k], triangles[t, 6 + k]
-        span[0, k] = int((min(a, min(b, c)) - heads[0, GRID_LOW + k]) / h - FLAT)
-        span[1, k] = int((max(a, max(b, c)) - heads[0, GRID_LOW + k]) / h + FLAT)
-    n = (triangles[t, NORMAL], triangles[t, NORMAL + 1], triangles[t, NORMAL + 2])
-    reach = (0.5 + FLAT) * h * (abs(n[0]) + abs(n[1]) + abs(n[2]))
-    for i in range(span[0, 0], span[1, 0] + 1):
-        for j in range(span[0, 1], span[1, 1] + 1):
-            for k in range(span[0, 2], span[1, 2] + 1):
-                p = centre_of(heads, 0, i, j, k)
-                away = (n[0] * (p[0] - triangles[t, 0]) + n[1] * (p[1] - triangles[t, 1])
-                        + n[2] * (p[2] - triangles[t, 2]))
-                if abs(away) <= reach:
-                    cells[cell_index(heads, 0, i, j, k)] = NEAR_OUTSIDE
-
-
-@kernel
-def _fill(cells, dims, todo, seed, label):
-    """Label all UNKNOWN cells that hang together with a seed."""
-    todo[0], top, cells[seed] = seed, 1, label
-    while top > 0:
-        top -= 1
-        g = todo[top]
-        place = (g // (dims[1] * dims[2]), g // dims[2] % dims[1], g % dims[2])
-        stride = (dims[1] * dims[2], dims[2], 1)
-        for axis in range(3):
-            for way in (-1, 1):
-                other = g + way * stride[axis]
-                if 0 <= place[axis] + way < dims[axis] and cells[other] == UNKNOWN:
-                    cells[other] = label
-                    todo[top] = other
-                    top += 1
-
-
-@kernel
-def _is_within(meshes, dims, g):
-    """Whether the centre of cell g is inside a closed mesh."""
-    p = centre_of(meshes.heads, 0, g // (dims[1] * dims[2]), g // dims[2] % dims[1], g % dims[2])
-    d, t, feature, q = nearest_of_all(meshes, 0, p)
-    return not is_in_front(meshes, t, feature, q, p)

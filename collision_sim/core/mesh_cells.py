@@ -17,18 +17,19 @@
 The grid of cells over a mesh: what is known of a point before any triangle is looked at.
 
 A cell that no triangle comes into lies outside or, of a closed mesh, inside as a whole. Of the
-cells near the surface the grid says where their centres lie. Beyond the grid all is outside.
+cells near the surface the grid says where their centres lie, and it lists the triangles that come
+into them, which short ways are tested against. Beyond the grid all is outside.
 """
 
 from collision_sim.core.jit import inlined, kernel
 
 OUTSIDE, INSIDE, NEAR_OUTSIDE, NEAR_INSIDE = range(4)   # near: and where the centre of the cell is
-MOST_CELLS = 8          # along an axis; of a box with more the tree is asked at once
+FEW_CELLS = 3           # along an axis; of a box with more the tree is asked, not the cells
 # Columns of a head: nodes of the mesh; 1 if it is closed; greatest distance of a corner from the
 # origin [m]; low and high corner of its box [m]; of the grid low corner [m], edge length of a cell
 # [m], cells along each axis, first cell.
-(FIRST_NODE, LAST_NODE, CLOSED, EXTENT, BOX_LOW, BOX_HIGH, GRID_LOW, EDGE_LENGTH, CELLS, FIRST_CELL,
- HEAD) = 0, 1, 2, 3, 4, 7, 10, 13, 14, 17, 18
+FIRST_NODE, LAST_NODE, CLOSED, EXTENT, BOX_LOW, BOX_HIGH = 0, 1, 2, 3, 4, 7
+GRID_LOW, EDGE_LENGTH, CELLS, FIRST_CELL, HEAD = 10, 13, 14, 17, 18
 
 
 @inlined
@@ -52,16 +53,6 @@ def cell_index(heads, m, i, j, k):
     return int(heads[m, FIRST_CELL]) + (i * ny + j) * nz + k
 
 
-@kernel
-def cell_at(heads, cells, m, p):
-    """Label of the cell that a point in the frame of mesh m lies in."""
-    if not is_in_grid(heads, m, p):
-        return OUTSIDE
-    i, j, k = (int(_place(heads, m, p, 0)), int(_place(heads, m, p, 1)),
-               int(_place(heads, m, p, 2)))
-    return int(cells[cell_index(heads, m, i, j, k)])
-
-
 @inlined
 def centre_of(heads, m, i, j, k):
     """Centre [m] of a cell."""
@@ -71,10 +62,17 @@ def centre_of(heads, m, i, j, k):
 
 
 @inlined
-def cell_centre(heads, m, p):
-    """Centre [m] of the cell that a point in the grid lies in."""
-    return centre_of(heads, m, int(_place(heads, m, p, 0)), int(_place(heads, m, p, 1)),
-                     int(_place(heads, m, p, 2)))
+def cell_of(heads, m, p):
+    """Index and centre [m] of the cell that a point in the grid lies in."""
+    i, j, k = (int(_place(heads, m, p, 0)), int(_place(heads, m, p, 1)),
+               int(_place(heads, m, p, 2)))
+    return cell_index(heads, m, i, j, k), centre_of(heads, m, i, j, k)
+
+
+@kernel
+def cell_at(heads, cells, m, p):
+    """Label of the cell that a point in the frame of mesh m lies in."""
+    return int(cells[cell_of(heads, m, p)[0]]) if is_in_grid(heads, m, p) else OUTSIDE
 
 
 @inlined
@@ -84,6 +82,15 @@ def _clamped(heads, m, p, k):
     if not place > 0.0:
         return 0
     return int(min(place, heads[m, CELLS + k] - 1.0))
+
+
+@inlined
+def cells_of(heads, m, low, high):
+    """First and last cell along each axis of those that a box meets, and whether these are few."""
+    first = (_clamped(heads, m, low, 0), _clamped(heads, m, low, 1), _clamped(heads, m, low, 2))
+    last = (_clamped(heads, m, high, 0), _clamped(heads, m, high, 1), _clamped(heads, m, high, 2))
+    most = max(last[0] - first[0], max(last[1] - first[1], last[2] - first[2]))
+    return first, last, most < FEW_CELLS
 
 
 @kernel
@@ -101,12 +108,9 @@ def box_label(heads, cells, m, low, high):
         Corners of the box.
 
     """
-    i0, j0, k0 = (_clamped(heads, m, low, 0), _clamped(heads, m, low, 1),
-                  _clamped(heads, m, low, 2))
-    i1, j1, k1 = (_clamped(heads, m, high, 0), _clamped(heads, m, high, 1),
-                  _clamped(heads, m, high, 2))
+    (i0, j0, k0), (i1, j1, k1), few = cells_of(heads, m, low, high)
     label = int(cells[cell_index(heads, m, i0, j0, k0)])
-    if label > INSIDE or max(i1 - i0, max(j1 - j0, k1 - k0)) >= MOST_CELLS:
+    if label > INSIDE or not few:
         return -1
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):

@@ -24,7 +24,7 @@ frame of the mesh at the start of the step to where it is at the end.
 from math import ceil, inf
 
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.mesh import (feature_normal, FACE, is_in_front, is_inside, mesh_distance,
+from collision_sim.core.mesh import (FACE, feature_normal, is_in_front, is_inside, mesh_distance,
                                      nearest, normal_towards, SURE)
 from collision_sim.core.mesh_cells import cell_at, CLOSED, EXTENT, INSIDE, OUTSIDE
 from collision_sim.core.mesh_path import meet, SKIN, UNMET

@@ -25,12 +25,13 @@ of an open one.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.mesh import (after, apart, box_of, corner, COUNT, EDGE, FACE, face_normal,
                                      height_over, HIGH, LOW, nearest_on_triangle, NEXT,
                                      triangle_distance, VERTEX)
-from collision_sim.core.mesh_cells import FIRST_NODE, LAST_NODE
+from collision_sim.core.mesh_cells import cell_index, cells_of, FIRST_NODE, INSIDE, LAST_NODE
 from collision_sim.core.mesh_rays import line_through, pierces
 from collision_sim.core.vectors import add_scaled, dot, EPSILON, length, scaled, subtract
 
@@ -106,6 +107,7 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
     side : float
         1 if the particle can only come from in front of the triangle, -1 from behind, 0 from both.
     radius, skin : float [m]
+        Of the particle, and how far it stays off.
 
     Returns
     -------
@@ -128,17 +130,19 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
         return UNMET, 0.0, n, False
     n, ha, hb = scaled(s, face_normal(triangles, t)), s * ha, s * hb
     tau = max((ha - rho) / (ha - hb), 0.0) if hb < ha else UNMET
-    if hb < 0.0 and pierces(line, triangles, t)[0]:
-        return min(tau, 1.0), hb - rho, n, True
+    crosses = hb < 0.0 and pierces(line, triangles, t)[0]
     if radius > 0.0:
         if hb < rho and tau <= 1.0 and _meets_face(triangles, t, a, dx, tau):
-            return tau, hb - rho, n, False
-        tau, q = _meets_rounds(triangles, meshes.sharp, t, a, dx, rho)
-        if tau <= 1.0:
-            there = add_scaled(a, tau, dx)
+            return tau, hb - rho, n, crosses
+        first, q = _meets_rounds(triangles, meshes.sharp, t, a, dx, rho)
+        if first <= 1.0:
+            there = add_scaled(a, first, dx)
             away = subtract(there, q)
-            n = scaled(1.0 / length(away), away)
-            return tau, dot(n, subtract(b, there)), n, False
+            away = scaled(1.0 / length(away), away)
+            return first, dot(away, subtract(b, there)), away, crosses
+        tau = ha / (ha - hb) if crosses else tau
+    if crosses:
+        return min(tau, 1.0), hb - rho, n, True
     d, q, feature = triangle_distance(triangles, t, b)
     if d < rho:
         if feature != FACE and radius > 0.0:
@@ -150,8 +154,10 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
 @inlined
 def _is_beside(r, w, h, k, j, margin):
     """Whether a segment and a box are apart along the axis w x e, e across k and j."""
-    return abs(r[k] * w[j] - r[j] * w[k]) > (
-        (h[k] + margin) * abs(w[j]) + (h[j] + margin) * abs(w[k]))
+    one, other = r[k] * w[j], r[j] * w[k]
+    rounding = 8.0 * EPSILON * (abs(one) + abs(other))
+    return abs(one - other) > (
+        (h[k] + margin) * abs(w[j]) + (h[j] + margin) * abs(w[k]) + rounding)
 
 
 @inlined
@@ -163,6 +169,45 @@ def _passes_by(nodes, i, middle, half, margin):
     r = subtract(middle, add_scaled(low, 1.0, h))
     return (_is_beside(r, half, h, 0, 1, margin) or _is_beside(r, half, h, 1, 2, margin)
             or _is_beside(r, half, h, 2, 0, margin))
+
+
+class Found(NamedTuple):
+    """What has been met first so far; crossings, and the last triangle that was crossed."""
+
+    tau: float
+    phi: float
+    n: tuple
+    crossings: int
+    crossed: int
+
+
+@inlined
+def _earlier(found, t, met):
+    """Give what was met first, triangle t or what was found before; it may come twice."""
+    tau, phi, n, crosses = met
+    crossings, crossed = found.crossings, found.crossed
+    if crosses and crossed != t:
+        crossings, crossed = min(crossings + 1, 2), t
+    if tau < found.tau or (tau == found.tau and phi < found.phi):
+        return Found(tau, phi, n, crossings, crossed)
+    return Found(found.tau, found.phi, found.n, crossings, crossed)
+
+
+@kernel
+def _meet_in_cells(meshes, m, line, a, b, dx, side, radius, skin, first, last, found):
+    """Meet the triangles that come into a block of cells."""
+    for i in range(first[0], last[0] + 1):
+        for j in range(first[1], last[1] + 1):
+            for k in range(first[2], last[2] + 1):
+                g = cell_index(meshes.heads, m, i, j, k)
+                if meshes.cells[g] <= INSIDE:
+                    continue
+                for e in range(meshes.starts[g], meshes.starts[g + 1]):
+                    t = int(meshes.listed[e])
+                    if not _stays_beside(meshes.triangles, t, a, b, radius + skin):
+                        found = _earlier(found, t, meet_triangle(
+                            meshes, t, line, a, b, dx, side, radius, skin))
+    return found
 
 
 @kernel
@@ -184,25 +229,25 @@ def meet(meshes, m, side, a, b, radius, skin):
     tau, phi, n
         As from `meet_triangle`; of triangles met at the same time the one that is passed deepest.
     crossings : int
-        How many triangles the centre crosses.
+        How many triangles the centre crosses: 0, 1, or 2 for more.
 
     """
-    nodes, i, last = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
-    first, phi, n, crossings, dx = UNMET, 0.0, (0.0, 0.0, 1.0), 0, subtract(b, a)
-    line, (low, high) = line_through(a, dx), box_of(a, b, radius + skin)
-    middle, half, triangles = add_scaled(a, 0.5, dx), scaled(0.5, dx), meshes.triangles
-    while i < last:
-        if apart(nodes, i, low, high) or _passes_by(nodes, i, middle, half, radius + skin):
+    found, dx, rho = Found(UNMET, 0.0, (0.0, 0.0, 1.0), 0, -1), subtract(b, a), radius + skin
+    line, (low, high) = line_through(a, dx), box_of(a, b, rho)
+    first, last, few = cells_of(meshes.heads, m, low, high)
+    if few:
+        found = _meet_in_cells(meshes, m, line, a, b, dx, side, radius, skin, first, last, found)
+        return found.tau, found.phi, found.n, found.crossings
+    nodes, i, end = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
+    middle, half = add_scaled(a, 0.5, dx), scaled(0.5, dx)
+    while i < end:
+        if apart(nodes, i, low, high) or _passes_by(nodes, i, middle, half, rho):
             i = after(nodes, i)
             continue
         start = int(nodes[i, NEXT])
         for t in range(start, start + int(nodes[i, COUNT])):
-            if _stays_beside(triangles, t, a, b, radius + skin):
-                continue
-            tau_t, phi_t, n_t, crosses = meet_triangle(meshes, t, line, a, b, dx, side, radius,
-                                                       skin)
-            crossings += crosses
-            if tau_t < first or (tau_t == first and phi_t < phi):
-                first, phi, n = tau_t, phi_t, n_t
+            if not _stays_beside(meshes.triangles, t, a, b, rho):
+                found = _earlier(found, t, meet_triangle(meshes, t, line, a, b, dx, side, radius,
+                                                         skin))
         i += 1
-    return first, phi, n, crossings
+    return found.tau, found.phi, found.n, found.crossings

@@ -95,6 +95,7 @@ def turn_outward(vertices, faces, parts):
     Parameters
     ----------
     vertices : (V, 3) float64 [m]
+        Of the mesh.
     faces, parts
         As from `turn_alike`.
 

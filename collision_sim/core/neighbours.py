@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from collision_sim.core.cells import (cell_width, count_level, count_slots, EXTENT, fill_slots,
                                       FIRST, level_at, LEVELS, MASK, order_slots, plan_levels,
-                                      PLACE, POINTS, slot_of, SLOTS, slots_in, start_slots, STRIDE_Y,
+                                      POINTS, slot_of, SLOTS, slots_in, start_slots, STRIDE_Y,
                                       STRIDE_Z)
 from collision_sim.core.flight import fly
 from collision_sim.core.jit import inlined, kernel
@@ -36,10 +36,11 @@ from collision_sim.core.ledger import book_flight
 from collision_sim.core.rules import Here
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, finish, LEFT
+from collision_sim.core.vectors import dot
 from numba import njit
 import numpy as np
 
-BOUNDS = 7              # of a block: lowest x, y, z, highest x, y, z, largest extent
+LARGEST, BOUNDS = 6, 7  # columns of the bounds of a block: lowest x, y, z, highest, extent
 PIECE = 512             # rows of sorted particles that a thread claims at once
 QUEUE = 2048            # candidates that are listed before their distances are tested
 SHORT = 4               # particles of a run that are listed without a branch
@@ -63,44 +64,53 @@ class Near(NamedTuple):
     cut: np.ndarray
 
 
-@kernel
-def _fly_block(flies, flight, ledger, block, v, candidates, first, last):
-    """Lay out the free flights of a block; None where springs have laid out the candidates."""
+@inlined
+def _candidate(flies, flight, ledger, block, v, candidates, i):
+    """Mean velocity of particle i; its free flight is laid out here, or None: it is laid out."""
     if flies is not None:
-        for i in range(first, last):
-            start = (v[0, i], v[1, i], v[2, i])
-            u, w = fly(flight, start)
-            book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None), flight.dt, start, u, w, 1.0)
-            for d in range(3):
-                candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
+        start = (v[0, i], v[1, i], v[2, i])
+        u, w = fly(flight, start)
+        book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None), flight.dt, start, u, w, 1.0)
+        for d in range(3):
+            candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
+        return u
+    return (candidates.u[0, i], candidates.u[1, i], candidates.u[2, i])
 
 
-@kernel
-def _move_block(sweep, dt, base, x, u, first, last, centre, extent):
-    """Write centres and, with `sweep`, extents of a block: half of the path is part of these."""
+@inlined
+def _stretch(sweep, base, extent, i, half):
+    """Write the extent of particle i with half of its path [m], if there are sweeps."""
     if sweep is not None:
+        extent[i] = base[i] + half
+
+
+@inlined
+def _bound_extent(sweep, extent, first, last, block, bounds):
+    """Write the largest extent of a block; without sweeps it is there from the start."""
+    if sweep is not None:
+        largest = 0.0
         for i in range(first, last):
-            path = sqrt(u[0, i] * u[0, i] + u[1, i] * u[1, i] + u[2, i] * u[2, i])
-            extent[i] = base[i] + 0.5 * dt * path
-    part = dt if sweep is None else 0.5 * dt
-    for d in range(3):
-        for i in range(first, last):
-            centre[d, i] = x[d, i] + part * u[d, i]
+            largest = max(largest, extent[i])
+        bounds[block, LARGEST] = largest
 
 
 @kernel
-def _bound_block(centre, extent, first, last, block, bounds):
-    """Write the box around the centres of a block, and its largest extent."""
-    for d in range(3):
-        low, high = inf, -inf
-        for i in range(first, last):
-            low = centre[d, i] if centre[d, i] < low else low
-            high = centre[d, i] if centre[d, i] > high else high
-        bounds[block, d], bounds[block, 3 + d] = low, high
-    largest = 0.0
+def _lay_out_block(flies, sweep, flight, ledger, block, base, x, v, candidates, first, last,
+                   centre, extent, bounds):
+    """Write the candidates, centres and extents of a block, and the box around its centres."""
+    part = flight.dt if sweep is None else 0.5 * flight.dt
+    ax, ay, az, bx, by, bz = inf, inf, inf, -inf, -inf, -inf
     for i in range(first, last):
-        largest = extent[i] if extent[i] > largest else largest
-    bounds[block, 6] = largest
+        u = _candidate(flies, flight, ledger, block, v, candidates, i)
+        px, py, pz = x[0, i] + part * u[0], x[1, i] + part * u[1], x[2, i] + part * u[2]
+        centre[0, i], centre[1, i], centre[2, i] = px, py, pz
+        _stretch(sweep, base, extent, i, part * sqrt(dot(u, u)))
+        ax, bx = (px if px < ax else ax), (px if px > bx else bx)
+        ay, by = (py if py < ay else ay), (py if py > by else by)
+        az, bz = (pz if pz < az else az), (pz if pz > bz else bz)
+    bounds[block, 0], bounds[block, 1], bounds[block, 2] = ax, ay, az
+    bounds[block, 3], bounds[block, 4], bounds[block, 5] = bx, by, bz
+    _bound_extent(sweep, extent, first, last, block, bounds)
 
 
 @inlined
@@ -130,7 +140,7 @@ def _plan(cells, chunk_counts, bounds):
     for chunk in range(1, chunk_counts.shape[0]):
         for k in range(LEVELS):
             chunk_counts[0, k] += chunk_counts[chunk, k]
-    plan_levels(cells, chunk_counts[0], low, high, cell_width(_most(bounds, 6), far))
+    plan_levels(cells, chunk_counts[0], low, high, cell_width(_most(bounds, LARGEST), far))
 
 
 @kernel
@@ -139,7 +149,7 @@ def _measure(level, chunk_counts, chunk, extent, bounds, first, last):
     for k in range(LEVELS):
         chunk_counts[chunk, k] = 0
     if level is not None:
-        count_level(level, extent, _most(bounds, 6), first, last, chunk_counts[chunk])
+        count_level(level, extent, _most(bounds, LARGEST), first, last, chunk_counts[chunk])
     else:
         chunk_counts[chunk, 0] = last - first
 
@@ -158,8 +168,10 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
         Zeros; of threads.finish.
     cells : cells.Cells
         Written.
-    chunk_counts, bounds : (chunks, LEVELS) int64, (blocks, BOUNDS) float64
+    chunk_counts : (chunks, LEVELS) int64
         Scratch.
+    bounds : (blocks, BOUNDS) float64 [m]
+        Scratch; without `sweep` its last column has the largest extent.
     flies : int or None
         1: candidates are free flights, and are laid out here first. None: they are laid out.
     sweep : int or None
@@ -178,9 +190,8 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
     block = fetch_add(progress, 2 * FLY, 1)
     while block < blocks:
         first, last = block * BLOCK, min((block + 1) * BLOCK, count)
-        _fly_block(flies, flight, ledger, block, v, candidates, first, last)
-        _move_block(sweep, flight.dt, base, x, candidates.u, first, last, centre, extent)
-        _bound_block(centre, extent, first, last, block, bounds)
+        _lay_out_block(flies, sweep, flight, ledger, block, base, x, v, candidates, first, last,
+                       centre, extent, bounds)
         fetch_add(progress, 2 * FLY + 1, 1)
         block = fetch_add(progress, 2 * FLY, 1)
     finish(progress, FLY, blocks)
@@ -270,50 +281,57 @@ def _list_run(cells, near, piece, queue, waiting, row, first, last):
 
 
 @inlined
-def _list_beside(cells, near, piece, queue, waiting, row, k, slot, offset):
-    """List the three cells whose middle one has the slot at an offset from that of level k."""
-    levels, start = cells.levels, cells.start
-    at = levels[k, FIRST] + ((slot + offset - 1) & levels[k, MASK])
-    return _list_run(cells, near, piece, queue, waiting, row, int(start[at]),
-                     int(start[at + 3]))
+def _list_beside(cells, near, piece, queue, waiting, row, level, slot, offset):
+    """List the three cells whose middle one has the slot at an offset from that of a level."""
+    at = level[0] + ((slot + offset - 1) & level[1])
+    return _list_run(cells, near, piece, queue, waiting, row, int(cells.start[at]),
+                     int(cells.start[at + 3]))
 
 
 @inlined
-def _list_same(cells, near, piece, queue, waiting, row, k, slot):
+def _read_level(levels, k):
+    """First slot, mask, strides and number of slots of level k."""
+    return (levels[k, FIRST], levels[k, MASK], levels[k, STRIDE_Y], levels[k, STRIDE_Z],
+            levels[k, SLOTS])
+
+
+@inlined
+def _list_same(cells, near, piece, queue, waiting, row, level, slot):
     """List the half of the neighbours in the level of the row itself."""
-    sy, sz = cells.levels[k, STRIDE_Y], cells.levels[k, STRIDE_Z]
-    end = int(cells.start[cells.levels[k, FIRST] + slot + 2])
+    sy, sz, end = level[2], level[3], int(cells.start[level[0] + slot + 2])
     waiting = _list_run(cells, near, piece, queue, waiting, row, row + 1, end)
     for offset in (sy, sz - sy, sz, sz + sy):
-        waiting = _list_beside(cells, near, piece, queue, waiting, row, k, slot, offset)
+        waiting = _list_beside(cells, near, piece, queue, waiting, row, level, slot, offset)
     return waiting
 
 
 @inlined
 def _list_coarser(cells, near, piece, queue, waiting, row, k):
     """List all neighbours in a coarser level k."""
-    levels, rows = cells.levels, cells.rows
-    sy, sz = levels[k, STRIDE_Y], levels[k, STRIDE_Z]
-    slot = slot_of(cells.inverse, levels, k, rows[row, 0], rows[row, 1], rows[row, 2])
+    level, rows = _read_level(cells.levels, k), cells.rows
+    slot = slot_of(cells.inverse, cells.levels, k, rows[row, 0], rows[row, 1], rows[row, 2])
     for b in range(-1, 2):
         for c in range(-1, 2):
-            waiting = _list_beside(cells, near, piece, queue, waiting, row, k, slot,
-                                   b * sy + c * sz)
+            waiting = _list_beside(cells, near, piece, queue, waiting, row, level, slot,
+                                   b * level[2] + c * level[3])
     return waiting
 
 
 @kernel
 def find_in_piece(cells, near, piece, queue):
     """Find the pairs whose first row is in a piece."""
-    levels, count, waiting = cells.levels, 0, 0
+    levels, count, waiting, own = cells.levels, 0, 0, 0
+    level = _read_level(levels, own)
     near.cut[piece] = 0
     for row in range(piece * PIECE, min((piece + 1) * PIECE, cells.start[slots_in(levels)])):
-        own = level_at(cells.level, cells.particle[row])
-        slot = cells.home[row] - levels[own, FIRST]
-        if slot >= levels[own, SLOTS]:      # a ghost
+        k = level_at(cells.level, cells.particle[row])
+        if k != own:
+            own, level = k, _read_level(levels, k)
+        slot = cells.home[row] - level[0]
+        if slot >= level[4]:        # a ghost
             continue
         if own != POINTS:
-            waiting = _list_same(cells, near, piece, queue, waiting, row, own, slot)
+            waiting = _list_same(cells, near, piece, queue, waiting, row, level, slot)
         for k in range(own):
             if waiting > QUEUE:
                 count, waiting = _test(cells, queue, waiting, near, piece, count), 0

@@ -42,6 +42,7 @@ from collision_sim.core.neighbours import LOW_BITS
 from collision_sim.core.rules import Here, N_PAIR_COLLISION, NONE, ROUNDING
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
+from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled, subtract)
 from numba import njit
 import numpy as np
@@ -184,21 +185,53 @@ def look_at(sweep, dt, matter, x, v, candidates, meetings, p):
 
 
 @kernel
-def list_meetings(sweep, dt, matter, cells, near, pieces, x, v, candidates, meetings):
-    """List the pairs that have been found near each other; how many they are."""
-    count = 0
-    for piece in range(pieces):
-        for k in range(near.count[piece]):
-            i = cells.particle[near.found[piece, k] >> 32]
-            j = cells.particle[near.found[piece, k] & LOW_BITS]
-            if matter.inverse[i] + matter.inverse[j] > 0.0 and (
-                    matter.radius[i] + matter.radius[j] > 0.0):
-                meetings.ends[count, FIRST], meetings.ends[count, SECOND] = i, j
-                put(meetings.before, i, column(v, i))
-                put(meetings.before, j, column(v, j))
-                look_at(sweep, dt, matter, x, v, candidates, meetings, count)
-                count += 1
-    return count
+def can_meet(matter, i, j):
+    """Whether two particles do anything to each other: not points, nor two infinite masses."""
+    inverse, radius = matter.inverse, matter.radius
+    return inverse[i] + inverse[j] > 0.0 and radius[i] + radius[j] > 0.0
+
+
+@kernel
+def _list_piece(sweep, dt, matter, cells, near, piece, first, x, v, candidates, meetings):
+    """List the pairs that have been found in a piece, from row `first` on."""
+    for k in range(near.count[piece]):
+        i = cells.particle[near.found[piece, k] >> 32]
+        j = cells.particle[near.found[piece, k] & LOW_BITS]
+        p = first + k
+        meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
+        meetings.order[p] = inf
+        if can_meet(matter, i, j):
+            put(meetings.before, i, column(v, i))
+            put(meetings.before, j, column(v, j))
+            look_at(sweep, dt, matter, x, v, candidates, meetings, p)
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def list_meetings(posted, counters, sweep, dt, matter, cells, near, first, x, v, candidates,
+                  meetings):
+    """
+    List the pairs that have been found near each other, and look at each.
+
+    Parameters
+    ----------
+    posted, counters
+        Of threads.share.
+    sweep, matter, cells, near, x, v, candidates, meetings
+        As in `collide_all`.
+    dt : float [s]
+        Length of the step.
+    first : (pieces,) int64
+        Row at which the pairs of each piece begin.
+
+    """
+    fetch_add(posted, 0, 1)
+    fetch_add(counters, ENTERED, 1)
+    piece = fetch_add(counters, CLAIMED, 1)
+    while piece < first.shape[0]:
+        _list_piece(sweep, dt, matter, cells, near, piece, first[piece], x, v, candidates,
+                    meetings)
+        piece = fetch_add(counters, CLAIMED, 1)
+    fetch_add(counters, LEFT, 1)
 
 
 @inlined
@@ -285,8 +318,8 @@ def _forget(meetings, count):
 
 
 @njit(**LAW)
-def collide_all(sweep, rules, flight, matter, ledger, cells, near, pieces, x, v, candidates,
-                meetings, accounts):
+def collide_all(sweep, rules, flight, matter, ledger, x, v, candidates, meetings, count,
+                accounts):
     """
     Run the collision stage between particles.
 
@@ -300,32 +333,24 @@ def collide_all(sweep, rules, flight, matter, ledger, cells, near, pieces, x, v,
         As in candidates.py; v and the candidates are changed.
     matter : Matter
         Of the particles.
-    cells, near, pieces
-        Of neighbours.py, with the number of pieces.
     meetings : Meetings
-        Written; `first` and `moved` are NONE, `hits` 0 before and after.
+        Of `list_meetings`; written. `first` and `moved` are NONE, `hits` 0 before and after.
+    count : int
+        How many pairs are listed.
     accounts : (blocks, ACCOUNTS) int64
         Collisions are counted in the first row.
 
-    Returns
-    -------
-    count : int
-        How many pairs are listed in `meetings`.
-
     """
-    count = list_meetings(sweep, flight.dt, matter, cells, near, pieces, x, v, candidates,
-                          meetings)
     turn = 0
     while _choose(meetings, count):
         accounts[0, N_PAIR_COLLISION] += _respond(rules, flight, matter, ledger, v, candidates,
                                                   meetings, count, turn)
         _forget(meetings, count)
         for p in range(count):
-            if (meetings.moved[meetings.ends[p, FIRST]] == turn
-                    or meetings.moved[meetings.ends[p, SECOND]] == turn):
+            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+            if turn in (meetings.moved[i], meetings.moved[j]) and can_meet(matter, i, j):
                 look_at(sweep, flight.dt, matter, x, v, candidates, meetings, p)
         turn += 1
     for p in range(count):
         for k in range(2):
             meetings.moved[meetings.ends[p, k]], meetings.hits[meetings.ends[p, k]] = NONE, 0
-    return count

@@ -19,7 +19,7 @@ It is pushed to the surfaces, which is a move and no impulse; the fail-safe is f
 gets out.
 """
 
-from collision_sim.core.detection import deepest, is_path_clear
+from collision_sim.core.detection import deepest, is_path_clear, is_same_surface
 from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
 from collision_sim.core.rules import N_FAIL_SAFE, N_UNPLACED, NONE, NOTES, PARALLEL, PUSHES
@@ -60,9 +60,10 @@ def push_out(rules, here, table, poses, motion, x0, place):
         if c == NONE:
             return place, NONE, NONE
         a, b = n1, n2
-        if c == c1 or c == c2:
-            a, b = (n2 if c == c1 else n1), zero
-        if c != c1:
+        again = is_same_surface(rules.present.meshes, table, c, n, c1, n1)
+        if again or is_same_surface(rules.present.meshes, table, c, n, c2, n2):
+            a, b = (n2 if again else n1), zero
+        if not again:
             c2, n2 = c1, n1
         c1, n1 = c, n
         t = _free_part(n, a, b)

@@ -42,6 +42,7 @@ def cut(vertices, corners, sizes):
     Parameters
     ----------
     vertices : (V, 3) float64 [m]
+        In any order.
     corners : (sum of sizes,) int64
         Vertices of the polygons, one after the other.
     sizes : (P,) int64

@@ -31,7 +31,8 @@ from it instead. Of several colliders the one in which the particle is deepest a
 """
 
 from collision_sim.core.candidates import candidate_of, fly_anew
-from collision_sim.core.detection import approach, detect, distance, is_path_clear, rounding_depth
+from collision_sim.core.detection import (approach, detect, distance, is_path_clear,
+                                          is_same_surface, rounding_depth)
 from collision_sim.core.impulses import joint_law, respond, shares
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import normal_impulse
@@ -299,7 +300,9 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
                          u, w, passes == 0 or rules.once, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
-            other = last if touch.collider != last.collider else other
+            same = is_same_surface(rules.present.meshes, table, touch.collider, touch.normal,
+                                   last.collider, last.normal)
+            other = other if same else last
             last, passes = touch, passes + 1
     joined = passes == 2 and are_both_kept(rules.second, other, last)
     if other.collider != NONE and not lawful and not joined:

@@ -199,7 +199,7 @@ def _turning_way_out(present, table, poses, row, c, radius, arm, move, axis, ang
 @inlined
 def _turns_in_itself(table, poses, row, c, axis):
     """Whether a shape of revolution, or a plane, turns about its own axis."""
-    if table[c, KIND] == BOX:
+    if table[c, KIND] == BOX or table[c, KIND] == MESH:
         return False
     z = (poses[row, c, 2], poses[row, c, 5], poses[row, c, 8])
     return largest(cross(axis, z)) <= TOUCHING

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, EPSILON, FAR, G, plane, simulate, sphere
-from test_corners import groove, sharp_places, unfolded, wedge
+from test_corners import sharp_places, unfolded, wedge
 from test_planes import oblique_hits
 
 pytestmark = pytest.mark.jit     # without the compiler they take minutes
