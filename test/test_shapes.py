@@ -217,7 +217,8 @@ def test_distance_in_the_world(inside):
     side, place = -1.0 if inside else 1.0, (1.0, 2.0, 3.0)
     turn = rotation_matrix((0.1, 0.5, -0.5, 0.7))
     sizes = {'plane': (0, 0), 'sphere': (1.5, 0), 'capsule': (0.75, 1.5), 'cylinder': (0.75, 1.5)}
-    for shape, kind in shapes.SHAPES.items():
+    for shape in sizes.keys() | {'box'}:
+        kind = shapes.SHAPES[shape]
         table, poses = np.zeros((2, shapes.COLUMNS)), np.zeros((1, 2, 12))
         table[1, :5] = (kind, side, *(HALF if shape == 'box' else (*sizes[shape], 0)))
         poses[0, 1] = (*turn.ravel(), *place)

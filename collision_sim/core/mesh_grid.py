@@ -169,6 +169,7 @@ def _fill(cells, counts, todo, seed, label):
 @kernel
 def _is_within(meshes, counts, g):
     """Whether the centre of cell g is inside a closed mesh."""
-    p = centre_of(meshes.heads, 0, g // (counts[1] * counts[2]), g // counts[2] % counts[1], g % counts[2])
+    p = centre_of(meshes.heads, 0, g // (counts[1] * counts[2]), g // counts[2] % counts[1],
+                  g % counts[2])
     d, t, feature, q = nearest_of_all(meshes, 0, p)
     return not is_in_front(meshes, t, feature, q, p)
