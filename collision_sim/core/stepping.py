@@ -35,7 +35,7 @@ import numpy as np
 
 BLOCK = 256             # particles; their scratch fits the first-level cache
 PIECE = 4               # blocks that a thread claims at once
-TOGETHER = 8            # particles of a block that touch something; fewer are faster one by one
+TOGETHER = 16           # particles of a block that touch something; fewer are faster one by one
 FEW = 12                # blocks; for fewer a second thread costs more than it brings
 
 
