@@ -29,7 +29,7 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 @njit
 def touching(table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
-    present = shapes.Present(1, 1, 1, 1, 1)
+    present = shapes.Present(1, 1, 1, 1, 1, None)
     count, clear = x.shape[1], np.empty(x.shape[1])
     found, distance = np.empty(count + 1, dtype=np.int64), np.empty(count)
     n = blocks.find_touching(None, present, table, poses, 0, radius, None, x[0], x[1], x[2], clear,
