@@ -336,14 +336,14 @@ def _vectors(array):
     return vectors
 
 
-def read_each(value, path, leaf, count):
-    """Give one number for all particles, or an array with one for each."""
+def read_each(value, path, leaf, count, things='particles'):
+    """Give one number for all of the things, or an array with one for each."""
     rows = as_list(value)
     if not isinstance(rows, list):
         return leaf.read(value, path)
     if len(rows) != count:
         raise SceneError(path, value, f'must be one number or one for each of the {count} '
-                                      f'particles, not {len(rows)}')
+                                      f'{things}, not {len(rows)}')
     numbers = [leaf.read(row, f'{path}[{i}]') for i, row in enumerate(rows)]
     return read_only(np.array(numbers, dtype=np.float64))
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 import math
 
-from collision_sim.checks import as_list, Choice, MISSING, Number, read_leaves, read_only
-from collision_sim.checks import read_section, SceneError, Text
+from collision_sim.checks import as_list, Choice, MISSING, Number, read_each, read_leaves
+from collision_sim.checks import read_only, read_section, SceneError, Text
 import numpy as np
 
 SOLVERS = ('explicit', 'implicit')
@@ -154,8 +154,9 @@ def read_springs(value, particles, stepping, directory) -> Springs | None:
         raise SceneError('stepping.method', 'exact', 'does not go with springs; take '
                          'collision_then_contact, second_order_contact, multi_pass or single_pass')
     pairs = read_only(_read_pairs(section, len(particles.position), directory))
-    found = {key: _read_each(section.get(key, MISSING if key == 'stiffness' else 0.0),
-                             f'springs.{key}', leaf, len(pairs)) for key, leaf in SPRING.items()}
+    found = {key: read_each(section.get(key, MISSING if key == 'stiffness' else 0.0),
+                            f'springs.{key}', leaf, len(pairs), 'springs')
+             for key, leaf in SPRING.items()}
     found |= read_leaves(section, 'springs', {'solver': Choice(SOLVERS)})
     springs = Springs(pairs, rest_length=_read_rest(section, particles, pairs), **found)
     if springs.solver == 'implicit' and not find_spec('scipy'):
@@ -232,18 +233,6 @@ def _grid_pairs(value, count):
     return np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in ends])
 
 
-def _read_each(value, path, leaf, count):
-    """Give one number for all springs, or an array with one for each."""
-    rows = as_list(value)
-    if not isinstance(rows, list):
-        return leaf.read(value, path)
-    if len(rows) != count:
-        raise SceneError(path, value, f'must be one number or one for each of the {count} '
-                                      f'springs, not {len(rows)}')
-    return read_only(np.array([leaf.read(row, f'{path}[{k}]') for k, row in enumerate(rows)],
-                              dtype=np.float64))
-
-
 def _read_rest(section, particles, pairs):
     """Give the lengths without force: those at the start where they are not given."""
     value = section.get('rest_length', 'auto')
@@ -257,4 +246,4 @@ def _read_rest(section, particles, pairs):
         return read_only(rest)
     if isinstance(value, str):
         raise SceneError('springs.rest_length', value, 'must be auto, a number or a list of them')
-    return _read_each(value, 'springs.rest_length', REST_LENGTH, len(pairs))
+    return read_each(value, 'springs.rest_length', REST_LENGTH, len(pairs), 'springs')
