@@ -14,18 +14,15 @@
 
 """What the node publishes about particles, contacts and colliders, as long as somebody listens."""
 
-from array import array
-
-from builtin_interfaces.msg import Duration, Time
+from builtin_interfaces.msg import Time
 from collision_sim.ros.markers import clear_markers, collider_markers, contact_markers
-from collision_sim.ros.messages import CLOUD_FIELDS, cloud_points, PoseArrayWriter
+from collision_sim.ros.messages import marker_array, PointCloudWriter, PoseArrayWriter
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-SECOND = 1_000_000_000  # ns
 DEPTH = 5               # messages kept for slow listeners; reliable publishers serve all kinds
 LIFETIME = 3            # of the markers of contacts, in messages
 
@@ -53,7 +50,7 @@ class Outputs:
         self._contacts = node.create_publisher(MarkerArray, '~/contacts', DEPTH)
         self._colliders = node.create_publisher(MarkerArray, '~/colliders', kept)
         self._contacts_seen = []        # Contacts of the steps since the last message
-        self._lifetime = Duration()
+        self._lifetime = 0.0            # s
         self._some_move = any(collider.moving for collider in simulation.scene.colliders)
         self.use_frame(frame_id, Time())
 
@@ -71,14 +68,15 @@ class Outputs:
     def use_frame(self, frame_id, stamp):
         """Change the frame of all messages; what was shown in the old one is taken away."""
         self._frame_id = frame_id
-        self._pose_array = PoseArrayWriter(frame_id, len(self._simulation.position))
+        count = len(self._simulation.position)
+        self._pose_array = PoseArrayWriter(frame_id, count)
+        self._point_cloud = PointCloudWriter(frame_id, count)
         self.clear_contacts(stamp)
         self._publish_colliders(stamp)
 
     def use_rate(self, rate):
         """Say how many messages a second there will be [Hz]."""
-        seconds, rest = divmod(LIFETIME / rate, 1.0)
-        self._lifetime = Duration(sec=int(seconds), nanosec=int(rest * SECOND))
+        self._lifetime = LIFETIME / rate
 
     def add_contacts(self, contacts):
         """Take the Contacts of a step into the next message."""
@@ -87,7 +85,7 @@ class Outputs:
     def clear_contacts(self, stamp):
         """Take all contacts away, those that are shown and those of the next message."""
         self._contacts_seen = []
-        self._contacts.publish(clear_markers(self._frame_id, stamp))
+        self._publish_markers(self._contacts, clear_markers(), stamp)
 
     def publish(self, stamp):
         """
@@ -103,30 +101,19 @@ class Outputs:
             self._particles.publish(self._pose_array.message(
                 stamp.sec, stamp.nanosec, self._simulation.position))
         if self._cloud.get_subscription_count():
-            self._cloud.publish(self._cloud_message(stamp))
+            self._cloud.publish(self._point_cloud.message(
+                stamp.sec, stamp.nanosec, self._simulation.position, self._simulation.velocity))
         if self.contacts_wanted:
-            self._contacts.publish(contact_markers(
-                self._contacts_seen, self._frame_id, stamp, self._lifetime))
+            self._publish_markers(
+                self._contacts, contact_markers(self._contacts_seen, self._lifetime), stamp)
         self._contacts_seen = []
         if self._some_move and self._colliders.get_subscription_count():
             self._publish_colliders(stamp)
 
-    def _cloud_message(self, stamp):
-        points = cloud_points(self._simulation.position, self._simulation.velocity)
-        # An array of bytes is copied as a whole, any other sequence byte by byte.
-        message = PointCloud2(height=1, width=len(points), fields=_fields(points), is_dense=True,
-                              point_step=points.itemsize * points.shape[1],
-                              row_step=points.nbytes, data=array('B', points.tobytes()))
-        message.header.frame_id = self._frame_id
-        message.header.stamp = stamp
-        return message
-
     def _publish_colliders(self, stamp):
         scene = self._simulation.scene
         poses = [self._simulation.collider_pose(collider.name) for collider in scene.colliders]
-        self._colliders.publish(collider_markers(scene, poses, self._frame_id, stamp))
+        self._publish_markers(self._colliders, collider_markers(scene, poses), stamp)
 
-
-def _fields(points):
-    return [PointField(name=name, offset=points.itemsize * k, datatype=PointField.FLOAT32, count=1)
-            for k, name in enumerate(CLOUD_FIELDS)]
+    def _publish_markers(self, publisher, markers, stamp):
+        publisher.publish(marker_array(stamp.sec, stamp.nanosec, self._frame_id, markers))
