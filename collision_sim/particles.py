@@ -20,7 +20,7 @@ import math
 
 from collision_sim.checks import is_list_of_vectors, MISSING, Number, read_each, read_file
 from collision_sim.checks import read_leaves, read_only, read_section, read_vectors, SceneError
-from collision_sim.checks import Vector
+from collision_sim.checks import Text, Vector
 import numpy as np
 
 
@@ -31,6 +31,7 @@ VELOCITY = Vector('m/s', 'Velocity')
 SPEED = Number('m/s', 'Speed', low=0)
 MASS = Number('kg', 'Mass of a particle', low=0, above=True, infinite=True)
 RADIUS = Number('m', 'Radius of a particle', low=0)
+SHARD = Text('[0-9]{1,9}/[0-9]{1,9}', 'must be k/n with k from 1 to n')
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,21 @@ class Particles:
     velocity: np.ndarray
     mass: float | np.ndarray = 1.0
     radius: float | np.ndarray = 0.0
+
+    def shard(self, k, n) -> 'Particles':
+        """Give the k-th of n even slices, k from 1 on; copies, so that the rest can be freed."""
+        count = len(self.position)
+        part = slice((k - 1) * count // n, k * count // n)
+        return Particles(*(read_only(value[part].copy()) if np.ndim(value) else value
+                           for value in (self.position, self.velocity, self.mass, self.radius)))
+
+
+def read_shard(text) -> tuple[int, int]:
+    """Read `k/n`, the k-th of n shards."""
+    k, n = map(int, SHARD.read(text, 'shard').split('/'))
+    if not 1 <= k <= n:
+        raise SceneError('shard', text, SHARD.allowed)
+    return k, n
 
 
 def read_particles(value, directory) -> Particles:

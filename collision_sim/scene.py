@@ -30,7 +30,7 @@ from collision_sim.colliders import Collider, read_colliders, RESTITUTION, Vecto
 from collision_sim.friction import (FRICTION, Friction, friction_parameters, read_friction,
                                     with_friction)
 from collision_sim.pairs import Pairs, read_pairs
-from collision_sim.particles import Particles, read_particles
+from collision_sim.particles import Particles, read_particles, read_shard
 from collision_sim.springs import read_springs, Springs
 
 SCENES = Path(__file__).parent / 'scenes'
@@ -172,6 +172,30 @@ class Scene:
                 return collider
         names = [collider.name for collider in self.colliders]
         raise unknown(join('colliders', name), name, name, names)
+
+    def shard(self, k, n) -> 'Scene':
+        """
+        Give the scene with a share of its particles, for one of n simulations that carry it.
+
+        Particles are drawn as for the whole scene, and each moves to the last bit as there.
+
+        Parameters
+        ----------
+        k, n : int
+            Which of how many even, contiguous slices; k from 1 to n.
+
+        Raises
+        ------
+        SceneError
+            For other k, and where particles act on each other: with pairs or springs.
+
+        """
+        k, n = read_shard(f'{k}/{n}')
+        for name in ('pairs', 'springs'):
+            if n > 1 and getattr(self, name) is not None:
+                raise SceneError('shard', f'{k}/{n}', f'must be 1/1 with {name}, which act across '
+                                                      'shards')
+        return replace(self, particles=self.particles.shard(k, n))
 
     def restitution_of(self, collider) -> float:
         """Give the restitution of a collider, its own or the scene's."""

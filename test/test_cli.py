@@ -117,6 +117,19 @@ def test_run_writes_the_state(scene, suffix, tmp_path):
     np.testing.assert_allclose(velocity, [[1.0, 0.0, -9.81 * 0.3]] * 2, atol=1e-12)
 
 
+def test_run_of_a_shard(scene, tmp_path, capsys):
+    """The second of two shards has the second particle; a third one is refused."""
+    path = tmp_path / 'state.npz'
+    words = ['run', scene, '--duration', '0.3', '--out', str(path), '--shard']
+    assert cli.main([*words, '2/2']) == 0
+    assert 'particles         1\n' in capsys.readouterr().out
+    np.testing.assert_allclose(np.load(path)['position'][0, :2], [0.8, 0.0], atol=1e-12)
+    for shard in ('3/2', 'two', ''):
+        assert cli.main([*words, shard]) == 2
+        err = capsys.readouterr().err
+        assert err == f'collision_sim: shard: {shard!r}: must be k/n with k from 1 to n\n'
+
+
 def test_ctrl_c_in_a_run(scene, tmp_path, monkeypatch, capsys):
     """An interrupt ends the run: what there is is printed and written, exit code 130."""
     step = run_module.Simulation.step

@@ -31,7 +31,6 @@ from collision_sim.ros.parameters import declare_scene, declare_values, LivePara
 from collision_sim.ros.pose_topics import PoseTopics, SECOND
 from collision_sim.ros.spin import spin
 from collision_sim.ros.start import main
-from collision_sim.scene import load_scene
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -71,8 +70,8 @@ class CollisionSimNode(Node):
     # --- start -----------------------------------------------------------------------------
 
     def _start_simulation(self):
-        name = declare_scene(self)
-        scene = declare_values(self, load_scene(name))
+        scene, name = declare_scene(self)
+        scene = declare_values(self, scene)
         self._simulation = Simulation(scene)
         self._seconds_a_step = self._warm_up()
         self.get_logger().info('scene %s: %d particles, %d colliders' % (

@@ -23,13 +23,19 @@ A new value is checked by the scene when it is asked for (on_set) and applied wh
 from functools import partial
 import sys
 
-from collision_sim.scene import Parameter, SceneError
+from collision_sim.particles import read_shard
+from collision_sim.scene import load_scene, Parameter, SceneError
 from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 import rclpy.parameter
 from std_msgs.msg import Bool, Float64, String
 
+SCENE_PARAMETERS = {        # read-only
+    'scene': Parameter('demo', '', None, None, 'Path of a YAML file, or name of a shipped scene'),
+    'shard': Parameter('', '', None, None, 'k/n: only the k-th of n slices of the particles, k '
+                                           'from 1 to n; empty: all of them'),
+}
 NODE_PARAMETERS = {
     'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
     'publish_rate': Parameter(60.0, 'Hz', 0.1, 1000.0, 'Rate of the messages'),
@@ -66,10 +72,13 @@ def ros_value(value):
 
 
 def declare_scene(node):
-    """Declare the parameter `scene` and give its value, the name of a scene."""
-    meaning = 'Path of a YAML file, or name of a shipped scene'
-    return node.declare_parameter(
-        'scene', 'demo', descriptor(Parameter('demo', '', None, None, meaning), True)).value
+    """Declare what says which scene; give that scene or its shard, and what it is called."""
+    name, shard = (node.declare_parameter(key, parameter.value, descriptor(parameter, True)).value
+                   for key, parameter in SCENE_PARAMETERS.items())
+    scene = load_scene(name)
+    if not shard:
+        return scene, name
+    return scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
 
 
 def declare_values(node, scene):

@@ -20,6 +20,7 @@ import math
 import os
 from time import perf_counter
 
+from collision_sim.particles import read_shard
 from collision_sim.scene import load_scene, shipped_scenes
 from collision_sim.simulation import Simulation
 import numpy as np
@@ -59,6 +60,8 @@ def add_arguments(parser):
     parser.add_argument('scene', help='a YAML file, or the name of a shipped scene')
     parser.add_argument('--duration', type=seconds, default=5.0, metavar='S',
                         help='simulated time in s (default 5)')
+    parser.add_argument('--shard', default='1/1', metavar='K/N',
+                        help='only the K-th of N slices of the particles (default 1/1, all)')
     parser.add_argument('--out', type=state_file, metavar='FILE',
                         help='.npz or .csv for positions and velocities at the end')
 
@@ -105,7 +108,7 @@ def outcome(sim, before, spent):
 
 def run(arguments):
     """Run a scene; the exit code."""
-    scene = load_scene(arguments.scene)
+    scene = load_scene(arguments.scene).shard(*read_shard(arguments.shard))
     Simulation(scene, contacts=False).step(1)       # compiles
     sim = Simulation(scene, contacts=False)
     before = sim.energy()
