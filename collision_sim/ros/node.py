@@ -19,7 +19,6 @@ All callbacks run in one thread, one after the other, so that nothing here needs
 seconds on the clock since the start or its last jump; steps were taken up to `_stepped`.
 """
 
-from itertools import pairwise
 from math import ceil
 import sys
 import time
@@ -28,7 +27,8 @@ from builtin_interfaces.msg import Time
 from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import declare_scene, declare_values, LiveParameters
-from collision_sim.ros.pose_topics import PoseTopics, SECOND
+from collision_sim.ros.pose_streams import SECOND
+from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin
 from collision_sim.ros.start import main
 from collision_sim.simulation import Simulation
@@ -180,30 +180,10 @@ class CollisionSimNode(Node):
             Time on the clock a time of the simulation: above 1 where steps are left out.
 
         """
-        simulation = self._simulation
-        simulation.record_contacts = self._outputs.contacts_wanted
-        tracks = self._poses.sample(times)
-        for first, last in pairwise(self._cuts(tracks, len(times))):
-            for name, track in tracks:
-                part = slice(first, last)
-                if track.teleport[first]:
-                    simulation.place_collider(name, track.position[first],
-                                              track.orientation[first])
-                simulation.move_collider(name, track.position[part], track.orientation[part],
-                                         pace * track.twist[part])
-            simulation.step(last - first)
-            if simulation.record_contacts:
-                self._outputs.add_contacts(simulation.contacts)
+        outputs = self._outputs
+        wanted = self._simulation.record_contacts = outputs.contacts_wanted
+        self._poses.step(self._simulation, times, pace, outputs.add_contacts if wanted else None)
         self._diagnostics.steps += len(times)
-
-    def _cuts(self, tracks, count):
-        """Where the steps are taken apart: at teleports, everywhere if contacts are wanted."""
-        if self._simulation.record_contacts:
-            return range(count + 1)
-        cuts = {0, count}
-        for _, track in tracks:
-            cuts.update(track.teleport.nonzero()[0].tolist())
-        return sorted(cuts)
 
     # --- out -------------------------------------------------------------------------------
 
