@@ -65,7 +65,7 @@ class PoseTrack(NamedTuple):
     teleport: np.ndarray
 
 
-class _Pose(NamedTuple):
+class Pose(NamedTuple):
     """A pose as it came; teleport: the collider did not move here from the pose before."""
 
     stamp: float
@@ -192,6 +192,11 @@ class PoseStream:
         """Stamp of the newest pose [s]; None without any."""
         return self._poses[-1].stamp if self._poses else None
 
+    @property
+    def newest_pose(self):
+        """The newest Pose; None without any."""
+        return self._poses[-1] if self._poses else None
+
     def add(self, stamp, position, orientation):
         """
         Take a pose.
@@ -210,7 +215,7 @@ class PoseStream:
         PoseError
 
         """
-        position, orientation = _checked(stamp, position, orientation)
+        position, orientation = checked_pose(stamp, position, orientation)
         poses = self._poses
         if poses and stamp <= poses[-1].stamp:
             raise PoseError('repeated' if stamp == poses[-1].stamp else 'backwards',
@@ -219,7 +224,7 @@ class PoseStream:
             poses.pop()
         if poses and poses[-1].orientation @ orientation < 0.0:
             orientation = -orientation
-        poses.append(_Pose(stamp, position, orientation, False))
+        poses.append(Pose(stamp, position, orientation, False))
         if len(poses) > 1:
             poses[-1] = poses[-1]._replace(teleport=self._is_teleport())
         if len(poses) > CAPACITY:
@@ -270,7 +275,7 @@ class PoseStream:
         """Whether the newest pose cannot be a motion from the one before."""
         *older, before, new = self._poses[-3:]
         gap = new.stamp - before.stamp
-        way, turn = _way(before, new)
+        way, turn = way_between(before, new)
         if gap > self.timeout:
             return True
         farthest = min(self.teleport_distance, self.teleport_speed * gap)
@@ -279,7 +284,7 @@ class PoseStream:
         expected_way, expected_turn = np.zeros(3), np.zeros(3)
         if older and before.stamp - older[0].stamp <= self.timeout:
             ratio = gap / (before.stamp - older[0].stamp)
-            expected_way, expected_turn = (ratio * part for part in _way(older[0], before))
+            expected_way, expected_turn = (ratio * part for part in way_between(older[0], before))
         return (min(hypot(*way), hypot(*(way - expected_way))) > farthest
                 or min(hypot(*turn), hypot(*(turn - expected_turn))) > self.teleport_angle)
 
@@ -326,7 +331,7 @@ class PoseStream:
                and not poses[target + 1].teleport):
             target += 1
         time = max(soonest, poses[target].stamp)
-        way, turn = _way(knot, poses[target])
+        way, turn = way_between(knot, poses[target])
         if (time - poses[target].stamp > self.timeout or hypot(*way) > self.teleport_distance
                 or hypot(*turn) > self.teleport_angle):
             self._jump(target)
@@ -340,7 +345,7 @@ class PoseStream:
         lead = time - pose.stamp
         end = _moved(pose, twist, lead) if lead > 0.0 else pose
         h = time - knot.time
-        way, turn = _way(knot, end)
+        way, turn = way_between(knot, end)
         chord = np.concatenate([way, turn]) / h
         rate = np.concatenate([twist[:3], vector_rate(turn, twist[3:])])
         self._append(knot.time, np.array([
@@ -428,13 +433,13 @@ def _moved(pose, twist, duration):
     return _Knot(pose[0] + duration, pose.position + duration * twist[:3], turn, twist)
 
 
-def _way(before, after):
+def way_between(before, after):
     """Shift (3,) and rotation vector (3,) from one pose or knot to another."""
     return (after.position - before.position,
             turn_between(before.orientation, after.orientation))
 
 
-def _checked(stamp, position, orientation):
+def checked_pose(stamp, position, orientation):
     """Arrays of a pose, the orientation normalised; PoseError if it cannot be one."""
     position = np.array(position, dtype=float).reshape(3)
     orientation = np.array(orientation, dtype=float).reshape(4)

@@ -16,24 +16,22 @@
 The node: one Simulation in step with the clock, between topics in and topics out.
 
 All callbacks run in one thread, one after the other, so that nothing here needs a lock. Times are
-seconds on the clock since the start or its last jump; steps were taken up to `_stepped`.
+seconds of the clock that the steps are in step with (clocks.py).
 """
 
 from math import ceil
 import sys
 import time
 
-from builtin_interfaces.msg import Time
+from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
-from collision_sim.ros.parameters import declare_scene, declare_values, LiveParameters
-from collision_sim.ros.pose_streams import SECOND
+from collision_sim.ros.parameters import declare_fixed, declare_values, LiveParameters
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin
 from collision_sim.ros.start import main
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
-import numpy as np
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
@@ -43,9 +41,7 @@ from std_srvs.srv import SetBool, Trigger
 
 SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... tick
 LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
-LONGEST_GAP = 1.0       # s between two ticks; more is a jump of the clock
 WARN_PERIOD = 5.0       # s
-ROUNDING = 1e-6         # of a step
 
 
 class CollisionSimNode(Node):
@@ -54,12 +50,10 @@ class CollisionSimNode(Node):
     def __init__(self, **options):
         """Load the scene, compile the kernels, and start; options are those of rclpy's Node."""
         super().__init__('collision_sim', **options)
-        self._epoch = self.get_clock().now().nanoseconds
-        self._stepped = 0.0
         self._paused = False
         self._diagnostics = Diagnostics()
         self._start_simulation()
-        self._poses = PoseTopics(self, self._simulation.scene, self._seconds)
+        self._poses = PoseTopics(self, self._simulation.scene, self._time)
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
@@ -70,10 +64,12 @@ class CollisionSimNode(Node):
     # --- start -----------------------------------------------------------------------------
 
     def _start_simulation(self):
-        scene, name = declare_scene(self)
+        scene, name, publish_clock = declare_fixed(self)
         scene = declare_values(self, scene)
         self._simulation = Simulation(scene)
         self._seconds_a_step = self._warm_up()
+        self._time = PublishedClock(self, self._simulation) if publish_clock \
+            else FollowedClock(self)
         self.get_logger().info('scene %s: %d particles, %d colliders' % (
             name, len(self._simulation.position), len(scene.colliders)))
 
@@ -95,7 +91,7 @@ class CollisionSimNode(Node):
         self.create_service(Trigger, '~/step', self._step)
 
     def _start_ticking(self):
-        self._stepped = self._now()
+        self._time.stand_still()
         self._ticks = 0
         self._timer = None
         self._use_rate(self.get_parameter('publish_rate').value)
@@ -118,43 +114,31 @@ class CollisionSimNode(Node):
 
     # --- time ------------------------------------------------------------------------------
 
-    def _seconds(self, nanoseconds):
-        return (nanoseconds - self._epoch) / SECOND
-
-    def _now(self):
-        return self._seconds(self.get_clock().now().nanoseconds)
-
-    def _stamp(self):
-        """Time on the clock that the state belongs to."""
-        seconds, nanoseconds = divmod(self._epoch + round(self._stepped * SECOND), SECOND)
-        return Time(sec=seconds, nanosec=nanoseconds)
-
     def _tick(self):
         """Take the steps that the clock asks for, and publish when it is time to."""
-        now = self._now()
-        if not -ROUNDING <= now - self._stepped <= LONGEST_GAP:
-            self._begin_again(now)
+        jump = self._time.jump()
+        if jump:
+            self._begin_again(jump)
         elif self._paused or not self._simulation.dt:
-            self._poses.restart()       # what moves meanwhile is placed afterwards
-            self._stepped = now
+            self._time.stand_still()
         else:
-            self._run_to(now)
+            self._take_due_steps()
+        self._time.publish()
         self._ticks += 1
         if self._ticks % self._ticks_a_message == 0:
-            self._outputs.publish(self._stamp())
+            self._outputs.publish(self._time.stamp())
 
-    def _begin_again(self, now):
+    def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
         if self._ticks:
-            self.get_logger().warning('the clock jumped by %.3f s' % (now - self._stepped))
+            self.get_logger().warning('the clock jumped by %.3f s' % jump)
         self._poses.forget()
-        self._epoch = self.get_clock().now().nanoseconds
-        self._stepped = 0.0
+        self._time.begin_again()
 
-    def _run_to(self, now):
-        """Take whole steps up to now, or as many as there is time for, spread over that time."""
+    def _take_due_steps(self):
+        """Take the steps that are due, or as many as there is time for."""
         dt = self._simulation.dt
-        asked = int((now - self._stepped) / dt + ROUNDING)
+        asked = self._time.due(dt)
         if asked == 0:
             return
         count = min(asked, max(1, int(LONGEST_TICK / self._seconds_a_step)))
@@ -163,10 +147,9 @@ class CollisionSimNode(Node):
             self.get_logger().warning('%d of %d steps taken: too slow for the clock' % (
                 count, asked), throttle_duration_sec=WARN_PERIOD)
         start = time.perf_counter()
-        self._advance(self._stepped + asked * dt / count * np.arange(1, count + 1), asked / count)
+        self._advance(*self._time.spend(asked, count, dt))
         self._seconds_a_step += 0.1 * (
             (time.perf_counter() - start) / count - self._seconds_a_step)
-        self._stepped += asked * dt
 
     def _advance(self, times, pace):
         """
@@ -192,7 +175,7 @@ class CollisionSimNode(Node):
             self._diagnostics.restart()
             return
         message = self._diagnostics.report(
-            self.get_fully_qualified_name(), self._simulation, self._poses, self._now())
+            self.get_fully_qualified_name(), self._simulation, self._poses, self._time.now())
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostic.publish(message)
 
@@ -210,7 +193,7 @@ class CollisionSimNode(Node):
         """Apply a parameter of the node itself."""
         if name == 'frame_id':
             self._poses.frame_id = value
-            self._outputs.use_frame(value, self._stamp())
+            self._outputs.use_frame(value, self._time.stamp())
         elif name == 'publish_rate':
             self._use_rate(value)
         else:
@@ -226,20 +209,37 @@ class CollisionSimNode(Node):
 
     def _reset(self, request, response):
         self._simulation.reset()
+        if self._time.resets:
+            self._poses.forget()
         self._poses.restart()
-        self._outputs.clear_contacts(self._stamp())
+        self._time.stand_still()
+        self._time.publish()
+        self._outputs.clear_contacts(self._time.stamp())
         return _answer(response, True, 'at the start')
 
     def _pause(self, request, response):
+        if request.data:
+            self._poses.hold()
+        elif self._paused:
+            self._poses.release(self._time.now())
         self._paused = self._diagnostics.paused = request.data
         return _answer(response, True, 'paused' if self._paused else 'running')
 
     def _step(self, request, response):
+        """Take one step, in which the colliders move to the newest poses; publish it at once."""
         if not self._paused:
             return _answer(response, False, 'only while paused')
-        self._poses.restart()
-        self._advance(np.array([self._now()]), 1.0)
-        return _answer(response, True, 'at %.6f s' % self._simulation.time)
+        wanted = self._simulation.record_contacts = self._outputs.contacts_wanted
+        moved = self._poses.move_held(self._simulation)
+        self._simulation.step()
+        self._diagnostics.steps += 1
+        if wanted:
+            self._outputs.add_contacts(self._simulation.contacts)
+        self._time.stand_still()
+        self._time.publish()
+        self._outputs.publish(self._time.stamp())
+        return _answer(response, True, 'at %.6f s, moved: %s' % (
+            self._simulation.time, ' '.join(moved) or 'nothing'))
 
 
 def _answer(response, success, message):

@@ -31,10 +31,12 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 import rclpy.parameter
 from std_msgs.msg import Bool, Float64, String
 
-SCENE_PARAMETERS = {        # read-only
+FIXED_PARAMETERS = {        # read-only
     'scene': Parameter('demo', '', None, None, 'Path of a YAML file, or name of a shipped scene'),
     'shard': Parameter('', '', None, None, 'k/n: only the k-th of n slices of the particles, k '
                                            'from 1 to n; empty: all of them'),
+    'publish_clock': Parameter(False, '', None, None, 'Whether the simulated time is published on '
+                                                      '/clock, for nodes with use_sim_time'),
 }
 NODE_PARAMETERS = {
     'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
@@ -71,14 +73,35 @@ def ros_value(value):
     return [float(x) for x in value] if type(value) is tuple else value
 
 
-def declare_scene(node):
-    """Declare what says which scene; give that scene or its shard, and what it is called."""
-    name, shard = (node.declare_parameter(key, parameter.value, descriptor(parameter, True)).value
-                   for key, parameter in SCENE_PARAMETERS.items())
+def declare_fixed(node):
+    """
+    Declare the parameters that are fixed at the start.
+
+    Returns
+    -------
+    scene : Scene
+        Or its shard.
+    name : str
+        What it is called.
+    publish_clock : bool
+        Whether the node is the clock of the graph.
+
+    Raises
+    ------
+    SceneError
+        Where one cannot be, or for a node that is to follow a clock as well; rclpy raises its own
+        errors for wrong types.
+
+    """
+    name, shard, publish_clock = (
+        node.declare_parameter(key, parameter.value, descriptor(parameter, True)).value
+        for key, parameter in FIXED_PARAMETERS.items())
+    if publish_clock:
+        _check_clock(node.get_parameter('use_sim_time').value)
     scene = load_scene(name)
-    if not shard:
-        return scene, name
-    return scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
+    if shard:
+        scene, name = scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
+    return scene, name, publish_clock
 
 
 def declare_values(node, scene):
@@ -117,6 +140,12 @@ def _check_frame(frame_id):
         raise SceneError('frame_id', frame_id, 'must not be empty')
 
 
+def _check_clock(use_sim_time):
+    if use_sim_time:
+        raise SceneError('use_sim_time', True, 'must be false with publish_clock: a node cannot '
+                                               'be the clock and follow one')
+
+
 class LiveParameters:
     """
     Keeps parameters and simulation equal, whoever sets a value: a service, a topic or the node.
@@ -136,6 +165,7 @@ class LiveParameters:
         self._node = node
         self._simulation = simulation
         self._node_changed = node_changed
+        self._publishes_clock = node.get_parameter('publish_clock').value
         self._following = False     # parameters are being set to what the simulation has already
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -175,6 +205,8 @@ class LiveParameters:
                     scene = scene.with_parameter(parameter.name, parameter.value)
                 elif parameter.name == 'frame_id':
                     _check_frame(parameter.value)
+                elif parameter.name == 'use_sim_time' and self._publishes_clock:
+                    _check_clock(parameter.value)
                 elif not self._node.has_parameter(parameter.name):
                     return SetParametersResult(successful=False, reason='no such parameter')
         except Exception as error:

@@ -21,6 +21,7 @@ The node fills it from its topics (pose_topics.py), a replay from a recorded bag
 from collections import Counter
 from itertools import pairwise
 
+from collision_sim.core.held_pose import HeldPose
 from collision_sim.core.pose_stream import PoseError, PoseStream
 
 AHEAD = 1.0             # s; a stamp further in the future is wrong
@@ -56,6 +57,7 @@ class PoseStreams:
         self.dropped = Counter()
         self._seconds = seconds
         self._streams = {name: PoseStream() for name in self.topics}
+        self._held = {}         # HeldPose by collider while time stands still
 
     def set_times(self, delay, timeout):
         """Change the delay and the time-out of all streams [s]."""
@@ -68,6 +70,8 @@ class PoseStreams:
         """Place the colliders at their poses at the next time that is asked for."""
         for stream in self._streams.values():
             stream.restart()
+        for held in self._held.values():
+            held.reset()
 
     def forget(self):
         """Drop all poses: their stamps are those of another time."""
@@ -76,7 +80,8 @@ class PoseStreams:
 
     def stale(self, now):
         """Names of the colliders whose poses have stopped for longer than the time-out."""
-        return [name for name, stream in self._streams.items() if stream.newest is not None
+        return [name for name, stream in self._streams.items()
+                if stream.newest is not None and not self._held
                 and now - stream.delay - stream.newest > stream.timeout]
 
     def add(self, name, pose, now):
@@ -103,24 +108,66 @@ class PoseStreams:
         try:
             if frame_id != self.frame_id:
                 raise PoseError('frame', f'frame_id is {frame_id!r} instead of {self.frame_id!r}')
-            stamp = self._checked_stamp(seconds, nanoseconds, self._seconds(now), stream)
-            stream.add(stamp, position, orientation)
+            stamp = self._stamp(seconds, nanoseconds)
+            if self._held:
+                self._held[name].add(stamp, position, orientation)
+            else:
+                stamp = _checked_time(stamp, self._seconds(now), stream)
+                stream.add(stamp, position, orientation)
         except PoseError as error:
             self.dropped[name, error.reason] += 1
             raise
 
-    def _checked_stamp(self, seconds, nanoseconds, now, stream):
-        """Stamp in the seconds of the streams."""
+    def _stamp(self, seconds, nanoseconds):
+        """Stamp in the seconds of the streams; None for a zero stamp."""
         if nanoseconds >= SECOND:
             raise PoseError('stamp', f'{nanoseconds} nanoseconds')
         if seconds == 0 and nanoseconds == 0:
-            return now
-        stamp = self._seconds(seconds * SECOND + nanoseconds)
-        if stamp > now + AHEAD:
-            raise PoseError('future', f'stamped {stamp - now:.3f} s ahead of the clock')
-        if stamp < now - stream.delay - stream.timeout:
-            raise PoseError('stale', f'stamped {now - stamp:.3f} s behind the clock')
-        return stamp
+            return None
+        return self._seconds(seconds * SECOND + nanoseconds)
+
+    def hold(self):
+        """From now on keep the newest pose of each collider, for steps asked for one by one."""
+        self._held = self._held or {
+            name: HeldPose(stream) for name, stream in self._streams.items()}
+
+    def release(self, now):
+        """Go on with the clock [s], the colliders where they were held."""
+        for name, held in self._held.items():
+            if held.is_new:
+                stream, pose = self._streams[name], held.newest
+                stream.reset()
+                try:
+                    stamp = _checked_time(pose.stamp, now, stream)
+                except PoseError:       # of another time
+                    stamp = now
+                stream.add(stamp, pose.position, pose.orientation)
+        self._held = {}
+        self.restart()
+
+    def move_held(self, simulation):
+        """
+        Tell a simulation where the colliders are at the end of a step that is asked for.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            Of the scene whose streams these are.
+
+        Returns
+        -------
+        moved : list of str
+            Names of the colliders for which a new pose has come.
+
+        """
+        moved = []
+        for name, held in self._held.items():
+            pose = held.take(*simulation.collider_pose(name))
+            if pose is not None:
+                move = simulation.place_collider if pose.teleport else simulation.move_collider
+                move(name, pose.position, pose.orientation)
+                moved.append(name)
+        return moved
 
     def step(self, simulation, times, pace=1.0, add_contacts=None):
         """
@@ -152,6 +199,17 @@ class PoseStreams:
             simulation.step(last - first)
             if every:
                 add_contacts(simulation.contacts)
+
+
+def _checked_time(stamp, now, stream):
+    """Give the time of a pose, which is near to the clock; without a stamp it is now."""
+    if stamp is None:
+        return now
+    if stamp > now + AHEAD:
+        raise PoseError('future', f'stamped {stamp - now:.3f} s ahead of the clock')
+    if stamp < now - stream.delay - stream.timeout:
+        raise PoseError('stale', f'stamped {now - stamp:.3f} s behind the clock')
+    return stamp
 
 
 def _cuts(tracks, count, every):

@@ -36,15 +36,16 @@ class PoseTopics(PoseStreams):
     ----------
     node : rclpy.node.Node
     scene : Scene
-    seconds : callable
-        Gives nanoseconds of the node's clock as the seconds of the streams.
+    clock : FollowedClock or PublishedClock
+        Whose times those of the streams are.
 
     """
 
-    def __init__(self, node, scene, seconds):
+    def __init__(self, node, scene, clock):
         """Subscribe to the topics of all colliders that have one."""
-        super().__init__(scene, node.get_parameter('frame_id').value, seconds)
+        super().__init__(scene, node.get_parameter('frame_id').value, clock.seconds)
         self._node = node
+        self._clock = clock
         self._warned = {}
         for name, topic in self.topics.items():
             subscription = node.create_subscription(
@@ -59,7 +60,7 @@ class PoseTopics(PoseStreams):
         pose = (stamp.sec, stamp.nanosec, message.header.frame_id,
                 (point.x, point.y, point.z), (turn.x, turn.y, turn.z, turn.w))
         try:
-            self.add(name, pose, self._node.get_clock().now().nanoseconds)
+            self.add(name, pose, self._clock.nanoseconds())
         except PoseError as error:
             self._warn(name, error)
 

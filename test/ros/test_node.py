@@ -81,67 +81,6 @@ def test_the_default_scene_moves_and_touches(drive):
     assert driver.simulation.counters['collisions'] > 0
 
 
-@pytest.mark.parametrize('jump', [-51.0, -0.01, 400.0])
-def test_jumps_of_the_clock_cause_no_steps(drive, jump):
-    driver = drive(PADDLE)
-    driver.run(0.5)
-    time = driver.simulation.time
-    driver.set_clock(driver.now + jump)
-    driver.node._tick()
-    assert driver.simulation.time == time
-    driver.run(0.5)
-    assert driver.simulation.time == pytest.approx(time + 0.5, abs=2 * driver.simulation.dt)
-
-
-def test_poses_are_taken_after_the_clock_went_back(drive):
-    driver = drive(PADDLE)
-    driver.run(0.5, {'paddle': lambda stamp: ((-1.0, 0, 0.5), (0, 0, 0, 1))},
-               jittered_stamps(driver.now, driver.now + 0.4))
-    driver.set_clock(driver.now - 20.0)
-    driver.node._tick()
-    driver.run(0.5, {'paddle': lambda stamp: ((-2.0, 0, 0.5), (0, 0, 0, 1))},
-               jittered_stamps(driver.now + 0.01, driver.now + 0.4))
-    assert not driver.node._poses.dropped
-    assert driver.simulation.collider_pose('paddle')[0][0] == -2.0
-
-
-def test_a_frozen_clock_is_a_frozen_simulation(drive):
-    driver = drive(PADDLE)
-    driver.run(0.1)
-    time = driver.simulation.time
-    for _ in range(10):
-        driver.node._tick()
-    assert driver.simulation.time == time
-
-
-def test_too_slow_for_the_clock(drive):
-    """Steps are left out, the colliders still follow the clock."""
-    driver = drive({**PADDLE, 'gravity': [0, 0, 0]})
-
-    def pose(stamp):
-        return (stamp - driver.START - 3.0, 0.0, 0.5), (0, 0, 0, 1)
-
-    def slow():
-        driver.node._seconds_a_step = 0.024         # two steps a tick, four are asked for
-
-    driver.run(2.0, {'paddle': pose}, jittered_stamps(driver.now, driver.now + 2.0), slow)
-    assert driver.simulation.time == pytest.approx(1.0, rel=0.05)
-    x = driver.simulation.collider_pose('paddle')[0][0]
-    assert x == pytest.approx(driver.now - 0.1 - driver.START - 3.0, abs=0.01)
-
-
-def test_a_clock_far_from_the_start_is_as_precise(drive):
-    """Simulated time that starts at zero and goes on at the time of a recording."""
-    driver = drive(PADDLE)
-    driver.set_clock(1.7e9)
-    driver.node._tick()
-    begin = driver.now
-    driver.run(0.5, {'paddle': lambda stamp: ((stamp - begin - 3.0, 0, 0.5), (0, 0, 0, 1))},
-               [begin + 0.05 * k for k in range(10)])
-    assert not driver.node._poses.dropped
-    assert driver.simulation.time == pytest.approx(0.5, abs=0.03)
-
-
 def test_names_are_relative(drive):
     driver = drive(PADDLE, node_options={'namespace': 'left'})
     names = [name for name, _ in driver.node.get_topic_names_and_types()]
@@ -157,7 +96,7 @@ def test_particles(drive):
     messages = subscribe(driver, PoseArray, '/collision_sim/particles', raw=True)
     listened(driver, driver.outputs._particles)
     driver.run(0.3)
-    stamp = driver.node._stamp()
+    stamp = driver.node._time.stamp()
     driver.spin_until(lambda: messages and read_pose_array(messages[-1])[:2] == (
         stamp.sec, stamp.nanosec))
     _, _, frame, poses = read_pose_array(messages[-1])
@@ -350,7 +289,7 @@ def test_poses_from_publishers_of_all_kinds(drive, reliability, durability):
 
 def report(driver):
     return driver.node._diagnostics.report('node', driver.simulation, driver.node._poses,
-                                           driver.node._now())
+                                           driver.node._time.now())
 
 
 def test_diagnostics(drive):
