@@ -208,6 +208,7 @@ class CollisionSimNode(Node):
         self._timer = self.create_timer(1.0 / (rate * self._ticks_a_message), self._tick)
 
     def _reset(self, request, response):
+        self._poses.take_arrived()
         self._simulation.reset()
         if self._time.resets:
             self._poses.forget()
@@ -229,6 +230,7 @@ class CollisionSimNode(Node):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
         if not self._paused:
             return _answer(response, False, 'only while paused')
+        self._poses.take_arrived()
         wanted = self._simulation.record_contacts = self._outputs.contacts_wanted
         moved = self._poses.move_held(self._simulation)
         self._simulation.step()

@@ -47,13 +47,27 @@ class PoseTopics(PoseStreams):
         self._node = node
         self._clock = clock
         self._warned = {}
+        self._subscriptions = {}
         for name, topic in self.topics.items():
             subscription = node.create_subscription(
                 PoseStamped, topic, partial(self._take, name), QOS,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
             self.topics[name] = subscription.topic_name
+            self._subscriptions[name] = subscription
         self.set_times(node.get_parameter('pose_delay').value,
                        node.get_parameter('pose_timeout').value)
+
+    def take_arrived(self):
+        """
+        Take all poses that have arrived.
+
+        An executor may serve a request before a pose that was sent, and has arrived, before it.
+        """
+        for name, subscription in self._subscriptions.items():
+            with subscription.handle:
+                while taken := subscription.handle.take_message(
+                        subscription.msg_type, subscription.raw):
+                    self._take(name, taken[0])
 
     def _take(self, name, message):
         stamp, point, turn = message.header.stamp, message.pose.position, message.pose.orientation

@@ -27,7 +27,7 @@ from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 NODE = '/collision_sim'
 DT = 1.0 / 240.0
-STEPS = 150
+STEPS = 400
 SPEED, SPIN = 1.5, 2.0      # m/s, rad/s
 # A turning box runs through a grid of particles that bounce on the ground.
 SCENE = {
