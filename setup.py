@@ -36,10 +36,11 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.11',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['launch/*.*', 'scenes/*.*', 'rviz/*.*']},
+    package_data={package_name: ['config/*.*', 'launch/*.*', 'scenes/*.*', 'rviz/*.*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
+        shared('config'),
         shared('launch'),
         shared('scenes'),
         shared('rviz'),

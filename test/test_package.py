@@ -101,7 +101,7 @@ def test_every_imported_ros_package_is_declared():
     assert {name for text in sources for name in pattern.findall(text)} <= declared
 
 
-@pytest.mark.parametrize('folder', ['launch', 'scenes', 'rviz'])
+@pytest.mark.parametrize('folder', ['config', 'launch', 'scenes', 'rviz'])
 def test_shared_files_are_installed_for_pip_and_for_ros(setup, folder):
     present = {str(path) for path in (PACKAGE / folder).rglob('*')
                if path.is_file() and '__pycache__' not in path.parts}

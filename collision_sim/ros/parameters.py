@@ -54,7 +54,9 @@ def descriptor(parameter, read_only=False):
     """ROS descriptor of a parameter: range, and unit and meaning in words."""
     value, unit, low, high, meaning = parameter
     result = ParameterDescriptor(read_only=read_only)
-    result.description = '%s [%s]' % (meaning, unit) if unit else meaning
+    result.description = meaning
+    if type(value) in (int, float, tuple):
+        result.description += ' [%s]' % (unit or '-')
     if type(value) is tuple:
         result.additional_constraints = 'three finite numbers'
     elif type(value) in LARGEST and (low, high) != (None, None):
