@@ -23,8 +23,8 @@ import json
 import sys
 from textwrap import wrap
 
-from collision_sim.ros.parameters import descriptor, LARGEST, NODE_PARAMETERS, ros_value
-from collision_sim.ros.parameters import SCENE_PARAMETERS
+from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS, LARGEST
+from collision_sim.ros.parameters import NODE_PARAMETERS, ros_value
 from collision_sim.scene import load_scene, SceneError
 
 HEAD = """\
@@ -46,7 +46,7 @@ def parameter_file(name):
         Of a scene, as load_scene takes it.
 
     """
-    fixed = SCENE_PARAMETERS | {'scene': SCENE_PARAMETERS['scene']._replace(value=name)}
+    fixed = FIXED_PARAMETERS | {'scene': FIXED_PARAMETERS['scene']._replace(value=name)}
     entries = [_entry(*item, read_only=True) for item in fixed.items()]
     entries += [_entry(*item, read_only=False)
                 for item in (NODE_PARAMETERS | load_scene(name).parameters()).items()]

@@ -26,8 +26,8 @@ import yaml
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 from collision_sim.ros.parameter_file import parameter_file  # noqa: E402, I100
-from collision_sim.ros.parameters import descriptor, LARGEST  # noqa: E402
-from collision_sim.ros.parameters import NODE_PARAMETERS, SCENE_PARAMETERS  # noqa: E402
+from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS, LARGEST  # noqa: E402
+from collision_sim.ros.parameters import NODE_PARAMETERS  # noqa: E402
 from rcl_interfaces.srv import DescribeParameters, ListParameters  # noqa: E402
 
 SHIPPED = Path(collision_sim.__file__).parent / 'config' / 'parameters.yaml'
@@ -117,7 +117,7 @@ def test_descriptions_are_useful():
     scene = collision_sim.Scene.from_dict(EVERYTHING).parameters()
     assert {'drag.wind', 'pairs.restitution', 'springs.stiffness',
             'colliders.ground.friction.wet'} <= scene.keys()
-    for name, parameter in (SCENE_PARAMETERS | NODE_PARAMETERS | scene).items():
+    for name, parameter in (FIXED_PARAMETERS | NODE_PARAMETERS | scene).items():
         told = descriptor(parameter)
         assert len(told.description.split()) >= 2, name
         unit = re.search(r' \[([^]]*)\]$', told.description)
