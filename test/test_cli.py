@@ -15,6 +15,8 @@
 """The command line: help, errors of the user, exit codes, and `run`."""
 
 import csv
+import os
+import signal
 import subprocess
 import sys
 
@@ -130,19 +132,21 @@ def test_run_of_a_shard(scene, tmp_path, capsys):
         assert err == f'collision_sim: shard: {shard!r}: must be k/n with k from 1 to n\n'
 
 
-def test_ctrl_c_in_a_run(scene, tmp_path, monkeypatch, capsys):
-    """An interrupt ends the run: what there is is printed and written, exit code 130."""
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_run(number, scene, tmp_path, monkeypatch, capsys):
+    """It ends the run: what there is is printed and written; exit code 128 and its number."""
     step = run_module.Simulation.step
 
     def interrupted(self, n=1):
-        if self.time > 0.1:
-            raise KeyboardInterrupt
+        if 0.1 < self.time < 0.11:
+            os.kill(os.getpid(), number)
         step(self, n)
     monkeypatch.setattr(run_module.Simulation, 'step', interrupted)
-    path = tmp_path / 'state.npz'
-    assert cli.main(['run', scene, '--duration', '0.5', '--out', str(path)]) == 130
+    before, path = signal.getsignal(number), tmp_path / 'state.npz'
+    assert cli.main(['run', scene, '--duration', '0.5', '--out', str(path)]) == 128 + number
     assert 'simulated time    0.1' in capsys.readouterr().out
     assert 0.1 < np.load(path)['time'] < 0.2
+    assert signal.getsignal(number) is before
 
 
 def test_ctrl_c_elsewhere(scene, monkeypatch, capsys):

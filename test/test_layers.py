@@ -70,8 +70,18 @@ def test_only_ros_and_launch_import_ros():
 
 
 def test_only_ros_and_launch_import_the_ros_folder():
+    """But for what of it needs no ROS, which recordings use."""
     others = [path for path in MODULES if folder(path) not in ('ros', 'launch')]
-    assert offences(others, re.compile(r'collision_sim\.ros\b')) == []
+    without = r'(?!\.(markers|messages|pose_streams)\b)'
+    assert offences(others, re.compile(rf'collision_sim\.ros{without}\b')) == []
+
+
+def test_recordings_need_no_ros():
+    listing = subprocess.run(
+        [sys.executable, '-c', 'import collision_sim.recording, sys; print(*sys.modules)'],
+        cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    assert 'collision_sim.ros.messages' in listing
+    assert [name for name in listing if ROS.match(name) or name.startswith('rosbags')] == []
 
 
 def test_core_imports_nothing_above_it():

@@ -22,7 +22,7 @@ seconds since an epoch: the start, or the last jump of the clock.
 import time
 
 from builtin_interfaces.msg import Time
-from collision_sim.ros.pose_streams import SECOND
+from collision_sim.ros.messages import SECOND
 import numpy as np
 from rclpy.clock import Clock, ClockType
 import rosgraph_msgs.msg

@@ -29,6 +29,7 @@ import numpy as np
 LENGTH = 0.1            # m for an impulse of 1 N s
 LONGEST = 0.5           # m
 POINT_SIZE, LINE_WIDTH = 0.02, 0.006    # m
+LIFETIME = 3            # of contacts, in periods of the messages
 MOST_TRIANGLES = 20_000     # of a mesh; of more, every second, third, ... one is shown
 MOST_CONTACTS = 10_000      # shown in one message; of more, every second, third, ... one
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.002   # m

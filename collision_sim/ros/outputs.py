@@ -15,7 +15,8 @@
 """What the node publishes about particles, contacts and colliders, as long as somebody listens."""
 
 from builtin_interfaces.msg import Time
-from collision_sim.ros.markers import clear_markers, collider_markers, contact_markers
+from collision_sim.ros.markers import (clear_markers, collider_markers, contact_markers,
+                                       LIFETIME)
 from collision_sim.ros.messages import marker_array, PointCloudWriter, PoseArrayWriter
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -24,7 +25,6 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 DEPTH = 5               # messages kept for slow listeners; reliable publishers serve all kinds
-LIFETIME = 3            # of the markers of contacts, in messages
 
 
 class Outputs:

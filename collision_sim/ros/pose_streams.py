@@ -23,9 +23,9 @@ from itertools import pairwise
 
 from collision_sim.core.held_pose import HeldPose
 from collision_sim.core.pose_stream import PoseError, PoseStream
+from collision_sim.ros.messages import read_pose, SECOND
 
-AHEAD = 1.0             # s; a stamp further in the future is wrong
-SECOND = 1_000_000_000  # ns
+AHEAD = 1.0     # s; a stamp further in the future is wrong
 
 
 class PoseStreams:
@@ -93,7 +93,7 @@ class PoseStreams:
         name : str
             Of the collider.
         pose : tuple
-            Seconds and nanoseconds of the stamp, frame, position (3,) [m], orientation (4,).
+            As a messages.PoseStamped.
         now : int [ns]
             Time on the clock; a zero stamp means this.
 
@@ -117,6 +117,15 @@ class PoseStreams:
         except PoseError as error:
             self.dropped[name, error.reason] += 1
             raise
+
+    def add_message(self, name, message, now):
+        """As `add`, for a serialized geometry_msgs/PoseStamped."""
+        try:
+            pose = read_pose(message)
+        except ValueError as error:
+            self.dropped[name, 'malformed'] += 1
+            raise PoseError('malformed', error) from None
+        self.add(name, pose, now)
 
     def _stamp(self, seconds, nanoseconds):
         """Stamp in the seconds of the streams; None for a zero stamp."""

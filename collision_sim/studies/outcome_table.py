@@ -17,9 +17,9 @@
 import csv
 from importlib.util import find_spec
 import json
-import os
 
 from collision_sim.checks import SceneError
+from collision_sim.studies.drafts import draft_of
 
 FORMATS = ('.csv', '.parquet')
 
@@ -45,13 +45,8 @@ def write(path, rows):
 
     """
     names = list(dict.fromkeys(name for row in rows for name in row))
-    draft = f'{path}.draft'
-    try:
+    with draft_of(path) as draft:
         (_write_parquet if path.endswith('.parquet') else _write_csv)(draft, names, rows)
-        os.replace(draft, path)
-    finally:
-        if os.path.exists(draft):
-            os.unlink(draft)
 
 
 def _write_csv(path, names, rows):

@@ -1,0 +1,143 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of ROS 2 messages on disk, by the library rosbags; needs no ROS."""
+
+import os
+import shutil
+import struct
+
+from collision_sim.checks import SceneError
+from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
+                                QosTime)
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.typesys import get_typestore, Stores
+
+# The records that end an MCAP file without an index: DataEnd, Footer, and the magic bytes.
+END = struct.pack('<BQI', 0x0F, 4, 0) + struct.pack('<BQQQI', 0x02, 20, 0, 0, 0) + b'\x89MCAP0\r\n'
+_FOR_EVER = QosTime(9_223_372_036, 854_775_807)
+LATCHED = Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
+              _FOR_EVER, _FOR_EVER, QosLiveliness.AUTOMATIC, _FOR_EVER, False)
+
+
+class _EndedMcapWriter(McapWriter):
+    """Ends the file after each chunk, so that it can be read whatever happens afterwards."""
+
+    def close_chunk(self):
+        super().close_chunk()
+        self.bio.write(END)
+        self.bio.flush()
+        self.bio.seek(-len(END), os.SEEK_CUR)   # the next chunk takes its place
+
+
+class _McapFolderWriter(Writer):
+    STORAGE_PLUGINS = {StoragePlugin.MCAP: _EndedMcapWriter}
+
+
+class BagWriter:
+    """
+    Writes one MCAP file, which has its name as soon as it is whole.
+
+    Until then, and if the process is killed, what there is is an MCAP file without an index in
+    the folder `<path>.draft`.
+
+    Parameters
+    ----------
+    path : str
+        Of the file; one that is there is replaced.
+    topics : dict of str
+        Types of the messages by the names of their topics, as geometry_msgs/msg/PoseArray.
+    latched : collection of str
+        Topics whose last message is kept for those who subscribe later.
+
+    Raises
+    ------
+    SceneError
+        For a path that cannot be written to.
+
+    """
+
+    def __init__(self, path, topics, latched=()):
+        self._path, self._draft = path, f'{path}.draft'
+        if os.path.isdir(path):
+            raise SceneError('--record', path, 'must not be a folder')
+        if os.path.exists(self._draft):
+            raise SceneError('--record', self._draft, 'must not be there: it is being written, or '
+                                                      'left by a run that was killed')
+        self._writer = _McapFolderWriter(self._draft, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        types = get_typestore(Stores.ROS2_JAZZY)
+        self._topics = {
+            topic: self._writer.add_connection(
+                topic, kind, typestore=types,
+                offered_qos_profiles=[LATCHED] if topic in latched else [])
+            for topic, kind in topics.items()}
+
+    def write(self, topic, time, message):
+        """Add a serialized message that is sent at a time [ns]."""
+        self._writer.write(self._topics[topic], time, message)
+
+    def close(self):
+        """Write the index and give the file its name."""
+        self._writer.close()
+        name = os.path.basename(self._draft)
+        os.replace(os.path.join(self._draft, f'{name}.mcap'), self._path)
+        shutil.rmtree(self._draft)
+
+
+def read_bag(path, topics, kind):
+    """
+    Read the messages of some topics.
+
+    Parameters
+    ----------
+    path : str
+        A folder as `ros2 bag record` writes it, or a file of one, .mcap or .db3.
+    topics : collection of str
+        Names; at least one of them must be there.
+    kind : str
+        Type that their messages must have, as geometry_msgs/msg/PoseStamped.
+
+    Returns
+    -------
+    start : int [ns]
+        Time of the first message of the bag, whatever its topic.
+    messages : list of (int [ns], str, bytes)
+        Time when it was received, topic and serialized message, in the order of time.
+
+    Raises
+    ------
+    SceneError, OSError
+        For what is not a bag or not whole, and for topics that are not there or of another type.
+
+    """
+    try:
+        with Reader(path) as reader:
+            there = {connection.topic: connection.msgtype for connection in reader.connections}
+            wanted = [connection for connection in reader.connections
+                      if connection.topic in topics and connection.msgtype == kind]
+            messages = [(time, connection.topic, bytes(data))
+                        for connection, time, data in reader.messages(wanted)] if wanted else []
+            start = reader.start_time
+    except OSError:
+        raise
+    except Exception as error:      # whatever a broken file makes its reader raise
+        raise SceneError('--poses', path, f'must be a bag that is whole: {error}') from None
+    if not wanted:
+        listing = ', '.join(f'{topic} ({there[topic]})' for topic in sorted(there))
+        raise SceneError('--poses', path, f'must have {kind} on {" or ".join(sorted(topics))}; '
+                                          f'there is {listing or "nothing"}')
+    messages.sort(key=lambda message: message[0])
+    return start, messages
