@@ -50,6 +50,8 @@ setup(
     extras_require={
         # The figures of `collision_sim report`.
         'report': ['matplotlib'],
+        # `collision_sim run` with --record and --poses.
+        'record': ['rosbags>=0.11'],
         # `collision_sim sweep` on a Dask cluster, and its tables in Parquet.
         'sweep': ['distributed', 'pyarrow'],
         # `springs` with `solver: implicit`.
@@ -80,6 +82,7 @@ setup(
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
+            'rosbags>=0.11',
             'scipy',
         ],
     },
