@@ -56,6 +56,8 @@ setup(
         'sweep': ['distributed', 'pyarrow'],
         # `springs` with `solver: implicit`.
         'springs': ['scipy'],
+        # `collision_sim view`, and `viewer` of the node: a page with WebGL in one wheel.
+        'viewer': ['viser>=1.0,<2'],
         # rclpy and Fast DDS as wheels, for machines without an installed ROS.
         'ros': [
             'ros-jazzy-common-interfaces',
@@ -84,6 +86,8 @@ setup(
             'pytest-xdist',
             'rosbags>=0.11',
             'scipy',
+            'selenium',
+            'viser>=1.0,<2',
         ],
     },
     entry_points={
