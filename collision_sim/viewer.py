@@ -90,7 +90,7 @@ class Viewer:
         camera.fov = FOV
         camera.near, camera.far = size / 100.0, size * 100.0
         camera.look_at = middle
-        camera.position = middle + size * VIEW / np.sqrt(VIEW @ VIEW)
+        camera.position = middle + 1.15 * size * VIEW / np.sqrt(VIEW @ VIEW)
 
     def _add_panel(self, control):
         gui = self._server.gui
@@ -103,18 +103,18 @@ class Viewer:
         self._legend = gui.add_html('')
 
     def _add_particles(self, simulation, size):
-        radius = float(np.mean(simulation.scene.particles.radius))
-        nothing = np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8)
-        radius = radius or SMALLEST * size
+        radius = float(np.mean(simulation.scene.particles.radius)) or SMALLEST * size
         scene = self._server.scene
+        point = {'points': np.zeros((1, 3)), 'colors': np.zeros((1, 3), np.uint8),
+                 'precision': 'float32', 'visible': False}      # viser cannot show none
         self._particles = scene.add_point_cloud(
-            '/particles', *nothing, point_size=radius, point_shape='circle', precision='float32')
+            '/particles', point_size=radius, point_shape='circle', **point)
         self._points = scene.add_point_cloud(
-            '/contacts/points', *nothing, point_size=0.8 * radius, point_shape='diamond',
-            point_shading='flat', precision='float32')
+            '/contacts/points', point_size=0.8 * radius, point_shape='diamond',
+            point_shading='flat', **point)
         self._normals = scene.add_line_segments(
-            '/contacts/normals', np.empty((0, 2, 3), np.float32), np.empty((0, 2, 3), np.uint8),
-            thickness=1.5, thickness_units='screen')
+            '/contacts/normals', np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8),
+            thickness=1.5, thickness_units='screen', visible=False)
 
     # ------------------------------------------------------------------ while it runs
 
@@ -151,7 +151,7 @@ class Viewer:
     def _show_particles(self, simulation):
         speed = np.sqrt(np.square(simulation.velocity).sum(axis=1))
         points = simulation.position.astype(np.float32)
-        shown = np.abs(points).max(axis=1, initial=0.0) <= FAR      # False for NaN
+        shown = (np.abs(points).max(axis=1) <= FAR) & np.isfinite(speed)    # False for NaN
         if not shown.all():
             points, speed = points[shown], speed[shown]
         if simulation.time == 0.0:
@@ -222,6 +222,7 @@ def _serve(port):
                          "needs viser: pip install 'collision_sim[viewer]'") from None
 
     class Server(viser.ViserServer):
+
         def request_share_url(self, verbose=True):
             """Refuse the tunnel by which viser would show the page to the whole internet."""
 

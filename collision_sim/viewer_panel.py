@@ -56,8 +56,11 @@ def readings(simulation, pace, paused):
     Parameters
     ----------
     simulation : Simulation
+        As it is now.
     pace : Pace
+        Of that simulation.
     paused : bool
+        Whether to say so.
 
     """
     factor, dt = pace.real_time_factor, simulation.dt
@@ -83,7 +86,7 @@ def legend(fastest):
         Speed of the last colour of SPEED_COLORS.
 
     """
-    stops = ','.join(_css(color) for color in SPEED_COLORS[::32])
+    stops = ','.join(_css(color) for color in SPEED_COLORS[::51])
     bar = f'<div style="height:0.7em;background:linear-gradient(to right,{stops})"></div>'
     ends = ('<div style="display:flex;justify-content:space-between">'
             f'<span>0</span><span>speed</span><span>{fastest:.3g} m/s</span></div>')

@@ -28,6 +28,7 @@ def add_solid(scene, collider, size):
     Parameters
     ----------
     scene : viser.SceneApi
+        Of the page.
     collider : Collider
         Its pose is not used.
     size : float [m]

@@ -12,15 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-A headless Chromium that looks at the page of the viewer.
-
-`python test/browser.py resource/viewer.png` takes the picture in README.md.
-"""
+"""A headless Chromium that looks at the page of the viewer."""
 
 from io import BytesIO
 import shutil
-import sys
 import time
 
 import numpy as np
@@ -36,7 +31,7 @@ DEADLINE = 120.0        # s; generous, nothing is asserted about how long someth
 class Browser:
     """A window of a headless Chromium, drawn in software."""
 
-    def __init__(self, width=640, height=480):
+    def __init__(self, width=1000, height=700):
         """Open it; skips the test where that cannot be."""
         webdriver = pytest.importorskip('selenium.webdriver', reason='needs selenium')
         if not (CHROMIUM and DRIVER):
@@ -47,10 +42,10 @@ class Browser:
             options.add_argument(flag)
         self.driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
 
-    def open(self, url):
-        """Open a page, and wait until it shows something."""
+    def visit(self, url):
+        """Open a page, and wait until it says something."""
         self.driver.get(url)
-        self.wait(lambda: self.text())
+        self.wait(lambda: 'particles' in self.text())
 
     def wait(self, condition):
         end = time.monotonic() + DEADLINE

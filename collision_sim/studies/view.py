@@ -131,11 +131,11 @@ def run(arguments):
     """Run and show a scene; the exit code."""
     scene = load_scene(arguments.scene)
     simulation = Simulation(scene)
-    simulation.step()                   # compiles
-    simulation.reset()
     viewer = Viewer(simulation, arguments.port, arguments.control)
     print(f'collision_sim: {arguments.scene} is at {viewer.url}; Ctrl-C ends it', flush=True)
     try:
+        simulation.step()               # compiles
+        simulation.reset()
         player = Player(simulation, viewer, 1.0 / arguments.rate)
         while simulation.time + simulation.dt <= arguments.duration:
             player.show(arguments.duration)
