@@ -153,17 +153,44 @@ def test_ci_runs_the_test_line_of_the_readme():
     assert os.access(ROOT / '.ci' / 'run', os.X_OK)
 
 
-@pytest.mark.slow
-def test_colcon_builds_a_ros_package(setup, tmp_path):
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory):
+    """Give a colcon workspace in which the package is built."""
     if shutil.which('colcon') is None:
         pytest.skip('colcon is not installed')
-    shutil.copytree(ROOT, tmp_path / 'src' / 'collision_sim', ignore=shutil.ignore_patterns(
-        '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log'))
-    subprocess.run(['colcon', 'build'], cwd=tmp_path, stdin=subprocess.DEVNULL, check=True)
-    prefix = tmp_path / 'install' / 'collision_sim'
+    folder = tmp_path_factory.mktemp('workspace')
+    shutil.copytree(ROOT, folder / 'src' / 'collision_sim', ignore=shutil.ignore_patterns(
+        '.git', '.venv', '.*_cache', '.hypothesis', '__pycache__', '*.egg-info', 'build',
+        'install', 'log'))
+    assert colcon(folder, 'build') == 0
+    return folder
+
+
+def colcon(folder, *words):
+    return subprocess.run(['colcon', *words], cwd=folder, stdin=subprocess.DEVNULL).returncode
+
+
+@pytest.mark.slow
+def test_colcon_builds_a_ros_package(setup, workspace):
+    prefix = workspace / 'install' / 'collision_sim'
     for folder, files in setup['data_files']:
         for name in files:
             assert (prefix / folder / Path(name).name).is_file()
     assert (prefix / 'share' / 'collision_sim' / 'hook' / 'ament_prefix_path.dsv').is_file()
     for name in console_scripts(setup):
         assert os.access(prefix / 'lib' / 'collision_sim' / name, os.X_OK)
+
+
+@pytest.mark.slow
+def test_colcon_test_runs_pytest(workspace):
+    """And notices a failure: these few tests pass, and then one that cannot."""
+    few = ['test/test_package.py', 'test/test_layers.py', 'test/test_copyright.py']
+    test = ['test', '--pytest-args', '-k', 'not colcon']
+    assert colcon(workspace, *test, *few) == 0 == colcon(workspace, 'test-result')
+    results = ElementTree.parse(workspace / 'build' / 'collision_sim' / 'pytest.xml')
+    assert {case.get('classname').split('.')[-1] for case in results.iter('testcase')} == {
+        Path(name).stem for name in few}
+    failing = workspace / 'src' / 'collision_sim' / 'test' / 'test_failing.py'
+    failing.write_text('def test_failing():\n    assert False\n')
+    colcon(workspace, *test, 'test/test_failing.py')
+    assert colcon(workspace, 'test-result') == 1
