@@ -52,6 +52,7 @@ def after(scene, steps=40):
             [len(contacts.particle), *contacts.impulse.sum(axis=0)])
 
 
+@pytest.mark.jit
 @pytest.mark.parametrize('method', [*METHODS, 'exact'])
 @pytest.mark.parametrize('n', [3, 7])
 def test_shards_are_slices_of_the_whole(method, n):
@@ -65,6 +66,7 @@ def test_shards_are_slices_of_the_whole(method, n):
     np.testing.assert_allclose(np.sum(parts, axis=0), contacts, rtol=1e-9)
 
 
+@pytest.mark.jit
 def test_shards_with_sweeps_in_many_steps():
     """Also where impacts are found along the paths, called step by step."""
     scene = scene_of(radius=0.0, stepping={'dt': 0.01, 'detection': 'trajectory'})
