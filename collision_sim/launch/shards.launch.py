@@ -14,9 +14,14 @@
 
 """Simulators that carry one scene together, each with a shard of its particles."""
 
+import time
+
 from collision_sim.ros.launching import arguments, simulator
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+
+
+WAIT = 10.0     # s; for all nodes to be ready
 
 
 def nodes(context):
@@ -24,8 +29,9 @@ def nodes(context):
     values = context.launch_configurations
     shards = values['shards']
     here = values['only'].split(',') if values['only'] else range(1, int(shards) + 1)
-    return [simulator(values, name=f'collision_sim_{k}', parameters=[{'shard': f'{k}/{shards}'}])
-            for k in here]
+    start = float(values['start_time']) if values['start_time'] else time.time() + WAIT
+    return [simulator(values, name=f'collision_sim_{k}', parameters=[
+        {'shard': f'{k}/{shards}', 'start_time': start}]) for k in here]
 
 
 def generate_launch_description():
@@ -37,5 +43,10 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'only', default_value='',
             description='Which of the shards to start here, such as 1,2. Empty: all.'),
+        DeclareLaunchArgument(
+            'start_time', default_value='',
+            description='When the first step begins [s on the clock], the same on all hosts; 0: '
+                        'each when it is ready. Empty: in 10 s, for which the clock has to be the '
+                        'wall clock.'),
         OpaqueFunction(function=nodes),
     ])

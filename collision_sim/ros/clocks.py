@@ -45,20 +45,29 @@ class FollowedClock:
     Parameters
     ----------
     node : rclpy.node.Node
+    start : float [s]
+        On that clock: no steps are asked for before.
 
     """
 
     resets = False          # goes on when the simulation goes back to its start
 
-    def __init__(self, node):
-        """Start now."""
+    def __init__(self, node, start):
+        """Start now, unless the start is still to come."""
         self.timer_clock = self._clock = node.get_clock()
+        self._start = round(start * SECOND)
         self.begin_again()
+        if self.stepped < 0.0:
+            node.get_logger().info('the first step begins in %.3f s' % -self.stepped)
+        elif start > 0.0:
+            late = (self._epoch - self._start) / SECOND
+            node.get_logger().warning('begins %.3f s after start_time' % late)
 
     def begin_again(self):
-        """Make now the epoch; no steps are asked for up to it."""
-        self._epoch = self.nanoseconds()
-        self.stepped = 0.0
+        """Make now the epoch, or the start if that is still to come; no steps come before it."""
+        now = self.nanoseconds()
+        self._epoch = max(now, self._start)
+        self.stepped = self.seconds(now)
 
     def nanoseconds(self):
         """Give the time as it is in stamps [ns]."""
@@ -87,7 +96,9 @@ class FollowedClock:
 
     def due(self, dt):
         """Give how many steps of dt [s] are asked for."""
-        return int((self.now() - self.stepped) / dt + ROUNDING)
+        now = self.now()
+        self.stepped = max(self.stepped, min(now, 0.0))
+        return int((now - self.stepped) / dt + ROUNDING)
 
     def spend(self, asked, count, dt):
         """

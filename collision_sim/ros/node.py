@@ -64,12 +64,12 @@ class CollisionSimNode(Node):
     # --- start -----------------------------------------------------------------------------
 
     def _start_simulation(self):
-        scene, name, publish_clock = declare_fixed(self)
+        scene, name, publish_clock, start = declare_fixed(self)
         scene = declare_values(self, scene)
         self._simulation = Simulation(scene)
         self._seconds_a_step = self._warm_up()
         self._time = PublishedClock(self, self._simulation) if publish_clock \
-            else FollowedClock(self)
+            else FollowedClock(self, start)
         self.get_logger().info('scene %s: %d particles, %d colliders' % (
             name, len(self._simulation.position), len(scene.colliders)))
 

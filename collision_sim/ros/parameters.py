@@ -37,6 +37,9 @@ FIXED_PARAMETERS = {        # read-only
                                            'from 1 to n; empty: all of them'),
     'publish_clock': Parameter(False, '', None, None, 'Whether the simulated time is published on '
                                                       '/clock, for nodes with use_sim_time'),
+    'start_time': Parameter(0.0, 's', 0.0, 1e10, 'When the first step begins, on the clock of the '
+                                                 'node, where several begin together; at once if '
+                                                 'that is past'),
 }
 NODE_PARAMETERS = {
     'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
@@ -87,6 +90,8 @@ def declare_fixed(node):
         What it is called.
     publish_clock : bool
         Whether the node is the clock of the graph.
+    start : float [s]
+        On the clock of the node.
 
     Raises
     ------
@@ -95,15 +100,17 @@ def declare_fixed(node):
         errors for wrong types.
 
     """
-    name, shard, publish_clock = (
+    name, shard, publish_clock, start = (
         node.declare_parameter(key, parameter.value, descriptor(parameter, True)).value
         for key, parameter in FIXED_PARAMETERS.items())
     if publish_clock:
         _check_clock(node.get_parameter('use_sim_time').value)
+        if start:
+            raise SceneError('start_time', start, 'must be 0 with publish_clock')
     scene = load_scene(name)
     if shard:
         scene, name = scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
-    return scene, name, publish_clock
+    return scene, name, publish_clock, start
 
 
 def declare_values(node, scene):

@@ -17,6 +17,7 @@
 from pathlib import Path
 import subprocess
 import sys
+import time
 
 import collision_sim
 import pytest
@@ -76,7 +77,7 @@ def test_demo_swings_the_paddle_in_its_namespace(start, peer):
 
 def test_shards_share_the_particles_of_a_scene(start, peer):
     """Each has a name of its own; the pose topic is the same for all, and poses reach all."""
-    nodes = nodes_of(LAUNCH / 'shards.launch.py', shards='3')
+    nodes = nodes_of(LAUNCH / 'shards.launch.py', shards='3', start_time='0')
     counts, moved = {}, set()
     for node in nodes:
         assert node.on_exit == 'shutdown'
@@ -101,10 +102,17 @@ def test_shards_share_the_particles_of_a_scene(start, peer):
 
 def test_some_shards_of_many():
     """As on one of several hosts."""
-    nodes = nodes_of(LAUNCH / 'shards.launch.py', shards='8', only='3,4', scene='rain')
+    nodes = nodes_of(LAUNCH / 'shards.launch.py', shards='8', only='3,4', scene='rain',
+                     start_time='123.5')
     assert [(node.name, node.parameters) for node in nodes] == [
-        ('collision_sim_3', [{'scene': 'rain'}, {'shard': '3/8'}]),
-        ('collision_sim_4', [{'scene': 'rain'}, {'shard': '4/8'}])]
+        ('collision_sim_3', [{'scene': 'rain'}, {'shard': '3/8', 'start_time': 123.5}]),
+        ('collision_sim_4', [{'scene': 'rain'}, {'shard': '4/8', 'start_time': 123.5}])]
+
+
+def test_shards_begin_together():
+    """In some seconds from now, unless another time is given."""
+    first, second = nodes_of(LAUNCH / 'shards.launch.py')
+    assert first.parameters[-1]['start_time'] == second.parameters[-1]['start_time'] > time.time()
 
 
 def test_arguments_win_over_the_parameter_file():

@@ -83,7 +83,7 @@ def test_the_shipped_file_has_every_parameter_and_what_it_means(drive):
         assert ('read-only' in meaning[name]) == saying.read_only
         for limits in (*saying.floating_point_range, *saying.integer_range):
             numbers = [float(number) for number in re.findall(
-                r'; (\S+) (?:to (\S+)|or more)', meaning[name])[0] if number]
+                r'; ([^; ]+) (?:to ([^; ]+)|or more)', meaning[name])[0] if number]
             bounds = limits.from_value, limits.to_value
             assert numbers == [bound for bound in bounds if bound not in LARGEST.values()]
 

@@ -192,7 +192,8 @@ def test_namesakes_are_warned_of(run_node):
     (['-p', 'scene:=nowhere'], ['scene', 'nowhere']),
     (['-p', 'restitution:=1.5'], ['restitution', '1.5']),
     (['-p', 'restitution:=high'], ['restitution']),
-    (['-p', 'gravity:=[1.0]'], ['gravity'])])
+    (['-p', 'gravity:=[1.0]'], ['gravity']),
+    (['-p', 'publish_clock:=true', '-p', 'start_time:=5.0'], ['start_time', '5.0'])])
 def test_a_bad_start_is_one_line_and_status_1(run_node, arguments, words):
     process = run_node(None, *arguments)
     printed, _ = process.communicate(timeout=DEADLINE)

@@ -20,7 +20,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from harness import Driver, stop_node  # noqa: E402, I100
+from geometry_msgs.msg import PoseArray  # noqa: E402, I100
+from harness import Driver, stop_node  # noqa: E402
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STAMPS = [Driver.START + 0.03 * k for k in range(60)]
@@ -64,3 +65,29 @@ def test_the_node_says_which_shard_it_has(run_node, peer):
         printed += process.stdout.readline()
     stop_node(process)
     assert 'scene demo, shard 2/3: 133 particles' in printed
+
+
+# --- start_time ------------------------------------------------------------------------------
+
+
+def test_nodes_with_a_start_time_begin_together(drive):
+    """Scripted colliders are in phase, whenever a node was started and whenever it ticks."""
+    states = []
+    for early, part in ((0.5, 1), (0.2031, 2)):
+        driver = drive('demo', start_time=Driver.START + 1.0, shard='%d/2' % part)
+        driver.run(1.0 - early)
+        assert driver.simulation.time == 0.0
+        assert driver.node._time.stamp().sec == int(driver.now)
+        driver.run(0.7)
+        driver.set_clock(Driver.START + 2.001)
+        driver.node._tick()
+        assert driver.simulation.time == pytest.approx(1.001, abs=driver.simulation.dt)
+        states.append((driver.simulation.time, *driver.simulation.collider_pose('rotor')[1]))
+    assert states[0] == states[1]
+
+
+def test_a_node_that_is_late_begins_at_once_and_says_so(run_node, peer):
+    process = run_node('demo', '-p', 'start_time:=1.0')
+    messages = peer.subscribe(PoseArray, '/collision_sim/particles', raw=True)
+    peer.spin_until(lambda: len({message[200:] for message in messages}) > 2)
+    assert 's after start_time' in stop_node(process)
