@@ -225,6 +225,34 @@ class Scene:
         found['stepping.iterations'] = STEPPING['iterations'].parameter(self.stepping.iterations)
         return found
 
+    def with_parameters(self, changes) -> 'Scene':
+        """
+        Give a copy of the scene in which several parameters have other values, or none.
+
+        Parameters
+        ----------
+        changes : list of (str, object)
+            Paths and values; those that hold only together may come in any order.
+
+        Raises
+        ------
+        SceneError
+            As `with_parameter`.
+
+        """
+        scene = self
+        while changes:
+            refused = []
+            for path, value in changes:
+                try:
+                    scene = scene.with_parameter(path, value)
+                except SceneError as error:
+                    refused.append((path, value, error))
+            if len(refused) == len(changes):
+                raise refused[0][2]
+            changes = [(path, value) for path, value, _ in refused]
+        return scene
+
     def with_parameter(self, path, value) -> 'Scene':
         """
         Give a copy of the scene in which one parameter has another value.

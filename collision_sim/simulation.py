@@ -358,7 +358,24 @@ class Simulation:
             Unknown path, or value out of range; nothing has changed then.
 
         """
-        self._adopt(self.scene.with_parameter(path, value))
+        self.set_parameters([(path, value)])
+
+    def set_parameters(self, changes):
+        """
+        Change several values of the scene from the next step on, or none.
+
+        Parameters
+        ----------
+        changes : list of (str, object)
+            Paths and values as of `set_parameter`; those that hold only together in any order.
+
+        Raises
+        ------
+        SceneError
+            As `set_parameter`.
+
+        """
+        self._adopt(self.scene.with_parameters(changes))
 
     def move_collider(self, name, position, orientation, twist=None):
         """

@@ -42,6 +42,12 @@ os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 if os.access(ROOT, os.W_OK):
     os.environ.setdefault('NUMBA_CACHE_DIR', str(_fresh_kernels()))
 
+
+def pytest_addoption(parser):
+    parser.addoption('--long', action='store_true',
+                     help='many runs of the tests of signals and of the soak, for hours')
+
+
 settings.register_profile('dev', deadline=None)
 settings.register_profile('ci', deadline=None, derandomize=True, print_blob=True)
 settings.load_profile('ci' if os.environ.get('CI') else 'dev')

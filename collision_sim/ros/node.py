@@ -28,6 +28,7 @@ from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import declare_fixed, declare_values, LiveParameters
 from collision_sim.ros.pose_topics import PoseTopics
+from collision_sim.ros.services import answering
 from collision_sim.ros.spin import spin
 from collision_sim.ros.start import main
 from collision_sim.simulation import Simulation
@@ -57,7 +58,7 @@ class CollisionSimNode(Node):
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
-        LiveParameters(self, self._simulation, self._change)
+        self._live = LiveParameters(self, self._simulation, self._change)
         self._start_ticking()
         self._say_how_to_use()
 
@@ -84,6 +85,14 @@ class CollisionSimNode(Node):
         duration = time.perf_counter() - start
         self._simulation.reset()
         return duration
+
+    def create_service(self, srv_type, srv_name, callback, **options):
+        """As that of rclpy, which also creates those of the parameters by it; always answers."""
+        return super().create_service(
+            srv_type, srv_name, answering(srv_type, callback, self._log_error), **options)
+
+    def _log_error(self, text):
+        self.get_logger().error(text, throttle_duration_sec=1.0)
 
     def _create_services(self):
         self.create_service(Trigger, '~/reset', self._reset)

@@ -20,10 +20,12 @@ A new value is checked by the scene when it is asked for (on_set) and applied wh
 (post_set). One executor thread runs both and the ticks, so that applying falls between two steps.
 """
 
+from collections import Counter
 from functools import partial
 import sys
 
 from collision_sim.particles import read_shard
+from collision_sim.ros.rare_warnings import RareWarnings
 from collision_sim.scene import load_scene, Parameter, SceneError
 from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange
@@ -131,13 +133,17 @@ def declare_values(node, scene):
     for name, parameter in NODE_PARAMETERS.items():
         node.declare_parameter(name, parameter.value, descriptor(parameter))
     _check_frame(node.get_parameter('frame_id').value)
+    together = []       # what holds only with values that are still to come
     for path in scene.parameters():
         parameter = scene.parameters()[path]
         default = ros_value(parameter.value)
         value = node.declare_parameter(path, default, descriptor(parameter)).value
         if not _same(value, default):
-            scene = scene.with_parameter(path, value)
-    return scene
+            try:
+                scene = scene.with_parameter(path, value)
+            except SceneError:
+                together.append((path, value))
+    return scene.with_parameters(together)
 
 
 def _same(value, other):
@@ -174,6 +180,8 @@ class LiveParameters:
         self._node = node
         self._simulation = simulation
         self._node_changed = node_changed
+        self._warn = RareWarnings(node)
+        self.refused = Counter()    # values from topics, by name
         self._publishes_clock = node.get_parameter('publish_clock').value
         self._following = False     # parameters are being set to what the simulation has already
         node.add_on_set_parameters_callback(self._check)
@@ -202,34 +210,38 @@ class LiveParameters:
         except Exception as error:
             refusal = str(error)
         if refusal:
-            self._node.get_logger().warning('%s refused: %s' % (name, refusal))
+            self.refused[name] += 1
+            self._warn(name, '%s refused: %s (%d so far)' % (name, refusal, self.refused[name]))
 
     def _check(self, parameters):
         """Accept the values together or refuse them with the reason; never raise."""
         try:
-            scene = self._simulation.scene
-            known = scene.parameters()
             for parameter in parameters:
-                if parameter.name in known:
-                    scene = scene.with_parameter(parameter.name, parameter.value)
-                elif parameter.name == 'frame_id':
+                if not self._node.has_parameter(parameter.name):
+                    raise SceneError(parameter.name, parameter.value, 'no such parameter')
+                if parameter.name == 'frame_id':
                     _check_frame(parameter.value)
                 elif parameter.name == 'use_sim_time' and self._publishes_clock:
                     _check_clock(parameter.value)
-                elif not self._node.has_parameter(parameter.name):
-                    return SetParametersResult(successful=False, reason='no such parameter')
+            self._simulation.scene.with_parameters(self._changes(parameters))
         except Exception as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def _changes(self, parameters):
+        """Paths and values of those parameters that are values of the scene."""
+        known = self._simulation.scene.parameters()
+        return [(parameter.name, parameter.value) for parameter in parameters
+                if parameter.name in known]
+
     def _apply(self, parameters):
         if self._following:
             return
-        known = self._simulation.scene.parameters()
+        changes = self._changes(parameters)
+        if changes:
+            self._simulation.set_parameters(changes)
         for parameter in parameters:
-            if parameter.name in known:
-                self._simulation.set_parameter(parameter.name, parameter.value)
-            elif parameter.name in NODE_PARAMETERS:
+            if parameter.name in NODE_PARAMETERS:
                 self._node_changed(parameter.name, parameter.value)
         self._follow()
 

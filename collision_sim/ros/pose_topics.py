@@ -15,15 +15,14 @@
 """The pose topics of the colliders: subscriptions, and warnings of what is dropped."""
 
 from functools import partial
-import time
 
 from collision_sim.core.pose_stream import PoseError
 from collision_sim.ros.pose_streams import PoseStreams
+from collision_sim.ros.rare_warnings import RareWarnings
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-WARN_PERIOD = 5.0       # s between warnings for the same reason
 # Takes reliable and best-effort publishers; a burst of poses late by some ticks still fits.
 QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -44,9 +43,8 @@ class PoseTopics(PoseStreams):
     def __init__(self, node, scene, clock):
         """Subscribe to the topics of all colliders that have one."""
         super().__init__(scene, node.get_parameter('frame_id').value, clock.seconds)
-        self._node = node
         self._clock = clock
-        self._warned = {}
+        self._warn = RareWarnings(node)
         self._subscriptions = {}
         for name, topic in self.topics.items():
             subscription = node.create_subscription(
@@ -76,13 +74,6 @@ class PoseTopics(PoseStreams):
         try:
             self.add(name, pose, self._clock.nanoseconds())
         except PoseError as error:
-            self._warn(name, error)
-
-    def _warn(self, name, error):
-        """Warn of a refused pose, from time to time."""
-        key = name, error.reason
-        now = time.monotonic()
-        if now - self._warned.get(key, -WARN_PERIOD) >= WARN_PERIOD:
-            self._warned[key] = now
-            self._node.get_logger().warning('%s: pose dropped, %s (%d so far)' % (
+            key = name, error.reason
+            self._warn(key, '%s: pose dropped, %s (%d so far)' % (
                 self.topics[name], error, self.dropped[key]))
