@@ -20,14 +20,14 @@ import numpy as np
 LENGTH = 0.1            # m of a line for an impulse of 1 N s
 LONGEST = 0.5           # m
 
-# Red, green, blue from 0 to 1.
-STATE_COLORS = np.zeros((5, 3))         # a row a state of a contact
-STATE_COLORS[COLLISION] = 1.0, 0.2, 0.1
-STATE_COLORS[SLIDE] = 1.0, 0.8, 0.0
-STATE_COLORS[STICK] = 0.1, 0.8, 0.2
-STATE_COLORS[REPULSION] = 0.7, 0.2, 1.0
-FIXED, MOVING = (0.55, 0.58, 0.62), (0.2, 0.5, 0.9)     # colliders
-INSIDE_ALPHA = 0.1     # opacity of a collider that keeps particles inside
+# Red, green, blue and opacity from 0 to 1.
+STATE_COLORS = np.zeros((5, 4), '<f4')      # a row a state of a contact
+STATE_COLORS[COLLISION] = 1.0, 0.2, 0.1, 1.0
+STATE_COLORS[SLIDE] = 1.0, 0.8, 0.0, 1.0
+STATE_COLORS[STICK] = 0.1, 0.8, 0.2, 1.0
+STATE_COLORS[REPULSION] = 0.7, 0.2, 1.0, 1.0
+_FIXED, _MOVING = (0.55, 0.58, 0.62, 0.8), (0.2, 0.5, 0.9, 0.9)
+_INSIDE = 0.12          # opacity of a collider that keeps the particles inside
 
 # Viridis, perceptually uniform: S. van der Walt and N. Smith, 2015 (CC0), at every eighth.
 _VIRIDIS = np.array([(68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141),
@@ -35,6 +35,21 @@ _VIRIDIS = np.array([(68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), 
 SPEED_COLORS = np.stack(
     [np.interp(np.linspace(0, 8, 256), range(9), channel) for channel in _VIRIDIS.T],
     axis=1).round().astype(np.uint8)    # (256, 3), from rest to the greatest speed
+
+
+def collider_color(collider):
+    """Give red, green, blue and opacity of a collider."""
+    color = _MOVING if collider.moving else _FIXED
+    return (*color[:3], _INSIDE) if collider.inside else color
+
+
+def turn_to(normal):
+    """Give the quaternion x, y, z, w that turns the z axis to a unit normal."""
+    x, y, z = normal
+    if z < -1.0 + 1e-12:
+        return (1.0, 0.0, 0.0, 0.0)
+    w = ((1.0 + z) / 2.0) ** 0.5
+    return (-y / (2.0 * w), x / (2.0 * w), 0.0, w)
 
 
 def speed_colors(speed, greatest):

@@ -34,6 +34,7 @@ import numpy as np
 HOST, PORT = '127.0.0.1', 8080
 RATE = 20.0             # frames a second
 BUTTONS = ('pause', 'step', 'reset')
+EVERY_CONTACT = 20_000  # particles whose contacts are worth showing after every step
 MOST_LINES = 10_000     # shown in one frame
 TEXT_PERIOD = 0.25      # s between two readings, so that they can be read
 SAMPLE = 10_000         # particles whose speeds say what is fast
@@ -163,7 +164,7 @@ class Viewer:
 
     def _show_contacts(self, contacts):
         start, end, state = contact_lines(contacts, MOST_LINES)
-        colors = (255.0 * STATE_COLORS[state]).astype(np.uint8)
+        colors = (255.0 * STATE_COLORS[state, :3]).astype(np.uint8)
         _replace(self._points, start, colors)
         _replace(self._normals, np.stack([start, end], axis=1),
                  np.repeat(_linear(colors)[:, None], 2, axis=1))

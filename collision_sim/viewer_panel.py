@@ -90,7 +90,7 @@ def legend(fastest):
     bar = f'<div style="height:0.7em;background:linear-gradient(to right,{stops})"></div>'
     ends = ('<div style="display:flex;justify-content:space-between">'
             f'<span>0</span><span>speed</span><span>{fastest:.3g} m/s</span></div>')
-    states = ' '.join(DOT.format(_css(255 * STATE_COLORS[state]), name)
+    states = ' '.join(DOT.format(_css(255 * STATE_COLORS[state, :3]), name)
                       for state, name in STATES.items())
     return f'<div style="{STYLE}">{bar}{ends}<div>{states}</div></div>'
 

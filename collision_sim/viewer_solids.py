@@ -14,7 +14,7 @@
 
 """Colliders as solids on the page of the viewer, in their own frames."""
 
-from collision_sim.appearance import FIXED, INSIDE_ALPHA, MOVING
+from collision_sim.appearance import collider_color, turn_to
 import numpy as np
 
 AROUND = 48             # corners of what is round
@@ -45,9 +45,10 @@ def add_solid(scene, collider, size):
     if collider.shape == 'plane':
         _add_plane(scene, name, collider, size)
         return handle
-    look = {'color': MOVING if collider.moving else FIXED, 'side': 'double'}
+    *color, opacity = collider_color(collider)
+    look = {'color': tuple(color), 'side': 'double'}
     if collider.inside:
-        look |= {'opacity': INSIDE_ALPHA, 'cast_shadow': False, 'receive_shadow': False}
+        look |= {'opacity': opacity, 'cast_shadow': False, 'receive_shadow': False}
     a, b, c = collider.size
     name += '/solid'
     if collider.shape == 'box':
@@ -64,21 +65,13 @@ def add_solid(scene, collider, size):
 
 def _add_plane(scene, name, collider, size):
     """Show a square of a plane, with a grid whose cells are of a round length."""
+    x, y, z, w = turn_to(collider.normal)
     cell = 0.5 * 10.0 ** np.floor(np.log10(size / 2.0))
     scene.add_grid(
         name + '/solid', width=PLANE_SIZE * size, height=PLANE_SIZE * size, cell_size=cell,
         section_size=2 * cell, plane_color=(172, 177, 186), plane_opacity=1.0,
         cell_color=(155, 160, 170), section_color=(130, 135, 146), shadow_opacity=0.25,
-        fade_distance=8 * size, wxyz=_turn_to(collider.normal))
-
-
-def _turn_to(normal):
-    """Quaternion w, x, y, z that turns z to a unit normal."""
-    x, y, z = normal
-    if z < -1.0 + 1e-12:
-        return 0.0, 1.0, 0.0, 0.0
-    w = ((1.0 + z) / 2.0) ** 0.5
-    return w, -y / (2.0 * w), x / (2.0 * w), 0.0
+        fade_distance=8 * size, wxyz=(w, x, y, z))
 
 
 def capsule(radius, half):

@@ -190,7 +190,7 @@ def test_contacts_by_state(show):
     direction = np.diff(np.reshape(lines['points'], (-1, 2, 3)), axis=1)
     assert (direction[:, 0, 2] > 0.01).all() and np.abs(direction[..., :2]).max() < 1e-6
     np.testing.assert_array_equal(np.reshape(points['colors'], (-1, 3))[0],
-                                  (255 * STATE_COLORS[COLLISION]).astype(np.uint8))
+                                  (255 * STATE_COLORS[COLLISION, :3]).astype(np.uint8))
 
 
 def test_words(show):

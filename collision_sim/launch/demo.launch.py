@@ -14,16 +14,35 @@
 
 """The simulator with a scene whose paddle another node swings."""
 
-from collision_sim.ros.launching import arguments, node, simulator
+from pathlib import Path
+
+from collision_sim.ros.launching import arguments, BOOLEANS, node, simulator
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch_ros.actions import Node
+
+RVIZ = Path(__file__).resolve().parents[1] / 'rviz' / 'collision_sim.rviz'
 
 
 def nodes(context):
-    """Give both nodes, with the arguments filled in."""
+    """Give the nodes, with the arguments filled in."""
     values = context.launch_configurations
-    return [simulator(values), node('swing_paddle', values)]
+    viewer = [{'viewer': values['viewer'].lower() == 'true'}] if values['viewer'] else []
+    found = [simulator(values, viewer), node('swing_paddle', values)]
+    if values['rviz'].lower() == 'true':
+        found.append(Node(package='rviz2', executable='rviz2', output='screen',
+                          arguments=['-d', str(RVIZ)]))
+    return found
 
 
 def generate_launch_description():
-    return LaunchDescription([*arguments(), OpaqueFunction(function=nodes)])
+    return LaunchDescription([
+        *arguments(),
+        DeclareLaunchArgument(
+            'viewer', default_value='', choices=['', *BOOLEANS],
+            description='Show the simulation in the browser, on a page whose address is logged; '
+                        'needs viser. Empty: as in the params_file, or else not.'),
+        DeclareLaunchArgument(
+            'rviz', default_value='false', choices=BOOLEANS,
+            description='Show the simulation in RViz, which has to be installed.'),
+        OpaqueFunction(function=nodes)])

@@ -21,27 +21,16 @@ Nothing that is not finite goes into a marker, because RViz drops the whole of i
 
 from functools import lru_cache
 
-from collision_sim.core.rules import COLLISION, REPULSION, SLIDE, STICK
+from collision_sim.appearance import collider_color, contact_lines, STATE_COLORS, turn_to
 from collision_sim.ros.messages import (ADD, CUBE, CYLINDER, DELETE, DELETEALL, LINE_LIST,
                                         Marker, SPHERE, SPHERE_LIST, TRIANGLE_LIST, UPRIGHT)
 import numpy as np
 
-LENGTH = 0.1            # m for an impulse of 1 N s
-LONGEST = 0.5           # m
 POINT_SIZE, LINE_WIDTH = 0.02, 0.006    # m
 LIFETIME = 3            # of contacts, in periods of the messages
 MOST_TRIANGLES = 20_000     # of a mesh; of more, every second, third, ... one is shown
 MOST_CONTACTS = 10_000      # shown in one message; of more, every second, third, ... one
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.002   # m
-
-# Colours: red, green, blue, alpha.
-STATE_COLORS = np.zeros((5, 4), '<f4')      # a row a state
-STATE_COLORS[COLLISION] = 1.0, 0.2, 0.1, 1.0
-STATE_COLORS[SLIDE] = 1.0, 0.8, 0.0, 1.0
-STATE_COLORS[STICK] = 0.1, 0.8, 0.2, 1.0
-STATE_COLORS[REPULSION] = 0.7, 0.2, 1.0, 1.0
-FIXED, MOVING = (0.55, 0.58, 0.62, 0.8), (0.2, 0.5, 0.9, 0.9)
-FIXED_INSIDE, MOVING_INSIDE = (0.55, 0.58, 0.62, 0.15), (0.2, 0.5, 0.9, 0.15)
 
 
 def contact_markers(contacts, lifetime):
@@ -60,7 +49,7 @@ def contact_markers(contacts, lifetime):
     markers : list of Marker
 
     """
-    start, end, state = _shown(contacts)
+    start, end, state = contact_lines(contacts, MOST_CONTACTS)
     colors = STATE_COLORS[state]
     lines = np.stack([start, end], axis=1).reshape(-1, 3)
     action = ADD if len(state) else DELETE
@@ -70,21 +59,6 @@ def contact_markers(contacts, lifetime):
         Marker('normals', 0, action, LINE_LIST, (LINE_WIDTH, 0.0, 0.0), lifetime=lifetime,
                points=lines, colors=np.repeat(colors, 2, axis=0)),
     ]
-
-
-def _shown(contacts):
-    """Give starts and ends (n, 3) [m] and states (n,) of the lines to be shown."""
-    if not contacts:
-        return np.empty((0, 3)), np.empty((0, 3)), np.empty(0, dtype=np.int64)
-    point, normal, impulse, state = (
-        np.concatenate([getattr(one, name) for one in contacts])
-        for name in ('point', 'normal', 'impulse', 'state'))
-    size = np.minimum(LENGTH * np.sqrt(np.square(impulse).sum(axis=1)), LONGEST)
-    end = point + size[:, None] * normal
-    finite = np.isfinite(point).all(axis=1) & np.isfinite(end).all(axis=1)
-    chosen = np.flatnonzero(finite)
-    chosen = chosen[::1 + len(chosen) // MOST_CONTACTS]
-    return point[chosen], end[chosen], state[chosen]
 
 
 def clear_markers():
@@ -118,7 +92,7 @@ def _solids(collider):
     a, b, c = collider.size
     if collider.shape == 'plane':
         scale = (PLANE_SIZE, PLANE_SIZE, PLANE_THICKNESS)
-        turn = _turn_to(collider.normal)
+        turn = turn_to(collider.normal)
         shift = [-0.5 * PLANE_THICKNESS * x for x in collider.normal]
         return [(CUBE, scale, shift, turn)]
     if collider.shape == 'sphere':
@@ -140,15 +114,6 @@ def _triangle_points(mesh):
     return mesh.vertices[faces.ravel()]
 
 
-def _turn_to(normal):
-    """Quaternion that turns z to a unit normal."""
-    x, y, z = normal
-    if z < -1.0 + 1e-12:
-        return (1.0, 0.0, 0.0, 0.0)
-    w = ((1.0 + z) / 2.0) ** 0.5
-    return (-y / (2.0 * w), x / (2.0 * w), 0.0, w)
-
-
 def _product(p, q):
     """Quaternion product p q."""
     (px, py, pz, pw), (qx, qy, qz, qw) = p, q
@@ -160,10 +125,7 @@ def _solid_marker(collider, number, solid, position, orientation):
     kind, scale, centre, turn = solid
     inverse = [-orientation[0], -orientation[1], -orientation[2], orientation[3]]
     shift = _product(_product(orientation, (*centre, 0.0)), inverse)
-    if collider.inside:
-        color = MOVING_INSIDE if collider.moving else FIXED_INSIDE
-    else:
-        color = MOVING if collider.moving else FIXED
-    marker = Marker('colliders/' + collider.name, number, ADD, kind, scale, color,
+    marker = Marker('colliders/' + collider.name, number, ADD, kind, scale,
+                    collider_color(collider),
                     [position[i] + shift[i] for i in range(3)], _product(orientation, turn))
     return marker._replace(points=_triangle_points(collider.mesh)) if collider.mesh else marker

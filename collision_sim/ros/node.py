@@ -86,6 +86,11 @@ class CollisionSimNode(Node):
         self._simulation.reset()
         return duration
 
+    def destroy_node(self):
+        """Close what the node has opened."""
+        self._outputs.close()
+        super().destroy_node()
+
     def create_service(self, srv_type, srv_name, callback, **options):
         """As that of rclpy, which also creates those of the parameters by it; always answers."""
         return super().create_service(

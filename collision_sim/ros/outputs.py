@@ -43,6 +43,7 @@ class Outputs:
     def __init__(self, node, simulation, frame_id):
         """Create the publishers, and publish the colliders for those who come later."""
         self._simulation = simulation
+        self._page = _page(node, simulation)
         overriding = {'qos_overriding_options': QoSOverridingOptions.with_default_policies()}
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._particles = node.create_publisher(PoseArray, '~/particles', DEPTH, **overriding)
@@ -63,7 +64,8 @@ class Outputs:
     @property
     def contacts_wanted(self):
         """Whether anybody listens to the contacts."""
-        return self._contacts.get_subscription_count() > 0
+        return self._contacts.get_subscription_count() > 0 or (
+            self._page is not None and self._page.contacts_wanted)
 
     def use_frame(self, frame_id, stamp):
         """Change the frame of all messages; what was shown in the old one is taken away."""
@@ -103,12 +105,19 @@ class Outputs:
         if self._cloud.get_subscription_count():
             self._cloud.publish(self._point_cloud.message(
                 stamp.sec, stamp.nanosec, self._simulation.position, self._simulation.velocity))
-        if self.contacts_wanted:
+        if self._page is not None:
+            self._page.show(self._contacts_seen)
+        if self._contacts.get_subscription_count():
             self._publish_markers(
                 self._contacts, contact_markers(self._contacts_seen, self._lifetime), stamp)
         self._contacts_seen = []
         if self._some_move and self._colliders.get_subscription_count():
             self._publish_colliders(stamp)
+
+    def close(self):
+        """Take the page away."""
+        if self._page is not None:
+            self._page.close()
 
     def _publish_colliders(self, stamp):
         scene = self._simulation.scene
@@ -117,3 +126,11 @@ class Outputs:
 
     def _publish_markers(self, publisher, markers, stamp):
         publisher.publish(marker_array(stamp.sec, stamp.nanosec, self._frame_id, markers))
+
+
+def _page(node, simulation):
+    """Give the page in the browser, None unless the parameter `viewer` asks for it."""
+    if not node.get_parameter('viewer').value:
+        return None
+    from collision_sim.ros.page import Page
+    return Page(node, simulation)

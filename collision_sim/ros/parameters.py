@@ -42,6 +42,8 @@ FIXED_PARAMETERS = {        # read-only
     'start_time': Parameter(0.0, 's', 0.0, 1e10, 'When the first step begins, on the clock of the '
                                                  'node, where several begin together; at once if '
                                                  'that is past'),
+    'viewer': Parameter(False, '', None, None, 'Whether a page in the browser shows the scene'),
+    'viewer_port': Parameter(8080, '', 0, 65535, 'Port of that page on 127.0.0.1; 0: a free one'),
 }
 NODE_PARAMETERS = {
     'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
@@ -102,7 +104,7 @@ def declare_fixed(node):
         errors for wrong types.
 
     """
-    name, shard, publish_clock, start = (
+    name, shard, publish_clock, start, *_ = (
         node.declare_parameter(key, parameter.value, descriptor(parameter, True)).value
         for key, parameter in FIXED_PARAMETERS.items())
     if publish_clock:

@@ -21,9 +21,8 @@ from time import perf_counter, sleep
 from collision_sim.scene import load_scene, shipped_scenes
 from collision_sim.simulation import Simulation
 from collision_sim.studies.run import seconds
-from collision_sim.viewer import BUTTONS, PORT, RATE, Viewer
+from collision_sim.viewer import BUTTONS, EVERY_CONTACT, PORT, RATE, Viewer
 
-EVERY_CONTACT = 20_000  # particles; of more, the contacts of the last step of a frame are shown
 STEPPING = 0.75         # most of a frame that goes into steps; the rest is for showing
 ROUNDING = 1e-6         # of a step
 
