@@ -28,15 +28,13 @@ from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import declare_fixed, declare_values, LiveParameters
 from collision_sim.ros.pose_topics import PoseTopics
-from collision_sim.ros.services import answering
-from collision_sim.ros.spin import spin
+from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
@@ -45,7 +43,7 @@ LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left 
 WARN_PERIOD = 5.0       # s
 
 
-class CollisionSimNode(Node):
+class CollisionSimNode(SturdyNode):
     """Steps a scene as the clock asks for, between poses and parameters in and messages out."""
 
     def __init__(self, **options):
@@ -90,14 +88,6 @@ class CollisionSimNode(Node):
         """Close what the node has opened."""
         self._outputs.close()
         super().destroy_node()
-
-    def create_service(self, srv_type, srv_name, callback, **options):
-        """As that of rclpy, which also creates those of the parameters by it; always answers."""
-        return super().create_service(
-            srv_type, srv_name, answering(srv_type, callback, self._log_error), **options)
-
-    def _log_error(self, text):
-        self.get_logger().error(text, throttle_duration_sec=1.0)
 
     def _create_services(self):
         self.create_service(Trigger, '~/reset', self._reset)

@@ -18,6 +18,11 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 
+def error_text(error):
+    """Say in one line what was raised."""
+    return '%s: %s' % (type(error).__name__, error)
+
+
 def answering(kind, callback, log_error):
     """
     Give a callback of a service that answers where another one raises; a caller waits no longer.
@@ -36,7 +41,7 @@ def answering(kind, callback, log_error):
         try:
             return callback(request, response)
         except Exception as error:
-            reason = '%s: %s' % (type(error).__name__, error)
+            reason = error_text(error)
             log_error(reason)
             return _refusal(kind, reason)
 

@@ -12,21 +12,65 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The loop in which a node lives."""
+"""The loop in which a node lives, and the node that nothing ends in it."""
 
+from functools import wraps
+import signal
+
+from collision_sim.ros.services import answering, error_text
+from collision_sim.ros.start import STOP
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+
+
+class SturdyNode(Node):
+    """
+    A node whose subscriptions and services report what their callbacks raise, and go on.
+
+    Those of rclpy included, whose parameter services raise for a value of an unknown type. What
+    arrived in one go with the cause would else wait for the next to arrive.
+    """
+
+    def create_subscription(self, msg_type, topic, callback, *arguments, **options):
+        """As that of rclpy."""
+        @wraps(callback)
+        def guarded(*message):
+            try:
+                callback(*message)
+            except Exception as error:
+                self.log_error(error_text(error))
+        return super().create_subscription(msg_type, topic, guarded, *arguments, **options)
+
+    def create_service(self, srv_type, srv_name, callback, **options):
+        """As that of rclpy, which also creates those of the parameters by it; always answers."""
+        return super().create_service(
+            srv_type, srv_name, answering(srv_type, callback, self.log_error), **options)
+
+    def log_error(self, text):
+        """Log what was raised, from time to time."""
+        self.get_logger().error(text, throttle_duration_sec=1.0)
 
 
 def spin(node, stopped):
-    """Serve the node until `stopped` is not empty; no request and no message ends it."""
-    executor = SingleThreadedExecutor()
+    """
+    Serve a SturdyNode until `stopped` is not empty; no request and no message ends it.
+
+    By an EventsExecutor: the others look at every subscription for every message.
+    """
+    handlers = [signal.getsignal(number) for number in STOP]
+    executor = EventsExecutor()
+    _handle(handlers)       # the executor has put its own in their place
     executor.add_node(node)
     while rclpy.ok() and not stopped:
         try:
             executor.spin_once(timeout_sec=0.1)
-        except ExternalShutdownException:
-            break
         except Exception as error:
-            node.get_logger().error('%s: %s' % (type(error).__name__, error),
-                                    throttle_duration_sec=1.0)
+            node.log_error(error_text(error))
+    del executor
+    _handle(handlers)       # its end has put the system's defaults in their place
+
+
+def _handle(handlers):
+    for number, handler in zip(STOP, handlers):
+        signal.signal(number, handler)

@@ -18,12 +18,11 @@ import math
 import signal
 import sys
 
-from collision_sim.ros.spin import spin
+from collision_sim.ros.spin import spin, SturdyNode
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.node import Node
 
 SECOND = 1_000_000_000  # ns
 STOP = (signal.SIGINT, signal.SIGTERM)
@@ -36,7 +35,7 @@ def _descriptor(description, low=None, high=None):
         description=description, floating_point_range=limits, read_only=True)
 
 
-class SwingPaddle(Node):
+class SwingPaddle(SturdyNode):
     """Publishes centre + amplitude sin(2 pi t / period) along x, t from the first pose on."""
 
     def __init__(self):
