@@ -20,6 +20,7 @@ seconds of the clock that the steps are in step with (clocks.py).
 """
 
 from math import ceil
+import os
 import sys
 import time
 
@@ -200,6 +201,8 @@ class CollisionSimNode(SturdyNode):
             self._outputs.use_frame(value, self._time.stamp())
         elif name == 'publish_rate':
             self._use_rate(value)
+        elif name == 'max_published_particles':
+            self._outputs.use_most(value)
         else:
             self._poses.set_times(self.get_parameter('pose_delay').value,
                                   self.get_parameter('pose_timeout').value)
@@ -273,6 +276,8 @@ def run(args, stopped):
     """
     status, node = 0, None
     try:
+        # Publishing does not wait until the copies for other processes are made.
+        os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionSimNode()
         spin(node, stopped)

@@ -19,6 +19,7 @@ from collision_sim.ros.markers import (clear_markers, collider_markers, contact_
                                        LIFETIME)
 from collision_sim.ros.messages import marker_array, PointCloudWriter, PoseArrayWriter
 from geometry_msgs.msg import PoseArray
+import numpy as np
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import PointCloud2
@@ -38,12 +39,19 @@ class Outputs:
     frame_id : str
         Of all messages.
 
+    Attributes
+    ----------
+    shown : int
+        How many particles there are in a PoseArray.
+
     """
 
     def __init__(self, node, simulation, frame_id):
         """Create the publishers, and publish the colliders for those who come later."""
         self._simulation = simulation
         self._page = _page(node, simulation)
+        self._logger = node.get_logger()
+        self._frame_id = frame_id
         overriding = {'qos_overriding_options': QoSOverridingOptions.with_default_policies()}
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._particles = node.create_publisher(PoseArray, '~/particles', DEPTH, **overriding)
@@ -53,6 +61,7 @@ class Outputs:
         self._contacts_seen = []        # Contacts of the steps since the last message
         self._lifetime = 0.0            # s
         self._some_move = any(collider.moving for collider in simulation.scene.colliders)
+        self.use_most(node.get_parameter('max_published_particles').value)
         self.use_frame(frame_id, Time())
 
     @property
@@ -67,12 +76,22 @@ class Outputs:
         return self._contacts.get_subscription_count() > 0 or (
             self._page is not None and self._page.contacts_wanted)
 
+    def use_most(self, most):
+        """Say how many particles there are in a PoseArray at most; of more, evenly as many."""
+        count = len(self._simulation.position)
+        self.shown = min(most, count)
+        self._chosen = slice(None)
+        if self.shown < count:
+            self._chosen = np.arange(self.shown) * count // self.shown
+            self._logger.warning('%s has %d of %d particles (max_published_particles), %s all' % (
+                self._particles.topic_name, self.shown, count, self._cloud.topic_name))
+        self._pose_array = PoseArrayWriter(self._frame_id, self.shown)
+
     def use_frame(self, frame_id, stamp):
         """Change the frame of all messages; what was shown in the old one is taken away."""
         self._frame_id = frame_id
-        count = len(self._simulation.position)
-        self._pose_array = PoseArrayWriter(frame_id, count)
-        self._point_cloud = PointCloudWriter(frame_id, count)
+        self._pose_array = PoseArrayWriter(frame_id, self.shown)
+        self._point_cloud = PointCloudWriter(frame_id, len(self._simulation.position))
         self.clear_contacts(stamp)
         self._publish_colliders(stamp)
 
@@ -101,7 +120,7 @@ class Outputs:
         """
         if self._particles.get_subscription_count():
             self._particles.publish(self._pose_array.message(
-                stamp.sec, stamp.nanosec, self._simulation.position))
+                stamp.sec, stamp.nanosec, self._simulation.position[self._chosen]))
         if self._cloud.get_subscription_count():
             self._cloud.publish(self._point_cloud.message(
                 stamp.sec, stamp.nanosec, self._simulation.position, self._simulation.velocity))

@@ -48,7 +48,7 @@ class PoseTopics(PoseStreams):
         self._subscriptions = {}
         for name, topic in self.topics.items():
             subscription = node.create_subscription(
-                PoseStamped, topic, partial(self._take, name), QOS,
+                PoseStamped, topic, partial(self._take, name), QOS, raw=True,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
             self.topics[name] = subscription.topic_name
             self._subscriptions[name] = subscription
@@ -68,11 +68,8 @@ class PoseTopics(PoseStreams):
                     self._take(name, taken[0])
 
     def _take(self, name, message):
-        stamp, point, turn = message.header.stamp, message.pose.position, message.pose.orientation
-        pose = (stamp.sec, stamp.nanosec, message.header.frame_id,
-                (point.x, point.y, point.z), (turn.x, turn.y, turn.z, turn.w))
         try:
-            self.add(name, pose, self._clock.nanoseconds())
+            self.add_message(name, message, self._clock.nanoseconds())
         except PoseError as error:
             key = name, error.reason
             self._warn(key, '%s: pose dropped, %s (%d so far)' % (

@@ -27,6 +27,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 import rclpy.time
 from visualization_msgs.msg import MarkerArray
 import yaml
@@ -104,7 +105,7 @@ class Driver:
         self.node.get_clock().set_ros_time_override(clock)
 
     def take(self, name, message):
-        self.node._poses._take(name, message)
+        self.node._poses._take(name, serialize_message(message))
 
     def run(self, duration, poses=None, stamps=(), each=None):
         """Tick for a duration [s]; poses: collider name to function of the stamp."""

@@ -119,6 +119,29 @@ def test_cloud(drive):
     assert (cloud.width, cloud.height, cloud.point_step, cloud.row_step) == (2, 1, 24, 48)
 
 
+def test_most_published_particles(drive):
+    """Evenly many of them are left out of the PoseArray, none of the cloud."""
+    scene = {'particles': {'position': [[k, 0, 1] for k in range(10)]}, 'colliders': []}
+    driver = drive(scene, max_published_particles=4)
+    poses = subscribe(driver, PoseArray, '/collision_sim/particles')
+    clouds = subscribe(driver, PointCloud2, '/collision_sim/cloud')
+    listened(driver, driver.outputs._particles)
+    listened(driver, driver.outputs._cloud)
+    driver.run(TICK)
+    driver.spin_until(lambda: poses and clouds)
+    assert [pose.position.x for pose in poses[0].poses] == [0, 2, 5, 7]
+    assert clouds[0].width == 10
+    for most, shown in ((5, [0, 2, 4, 6, 8]), (10, list(range(10))), (11, list(range(10)))):
+        change = Parameter('max_published_particles', value=most)
+        assert driver.node.set_parameters([change])[0].successful
+        poses.clear()
+        driver.run(TICK)
+        driver.spin_until(lambda: poses)
+        assert [pose.position.x for pose in poses[0].poses] == shown
+    refused = Parameter('max_published_particles', value=0)
+    assert not driver.node.set_parameters([refused])[0].successful
+
+
 def test_contacts_are_recorded_for_listeners_only(drive):
     scene = {'particles': {'position': [[0, 0, 0], [1, 0, 0.1]]}, 'friction': {'dry': 0.3},
              'colliders': [{'name': 'ground', 'shape': 'plane'}]}
