@@ -233,6 +233,9 @@ def test_malformed_messages_do_not_end_the_node(run_node, peer):
             size = random.integers(0, 60 if publisher is publishers[0] else 9)
             publisher.publish(b'\0\1\0\0' + random.bytes(size))
         publishers[0].publish(pose_message(None, (nan, 0, 0)))
+    for _ in range(10):     # the node may know the publisher later than that the node
+        publishers[0].publish(pose_message(None, (nan, 0, 0)))
+        peer.spin_for(0.1)
     publishers[1].publish(Float64(data=0.125))
     assert peer.call(Trigger, NODE + '/reset', Trigger.Request()).success
     printed = stop_node(process)
