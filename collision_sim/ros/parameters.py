@@ -49,7 +49,7 @@ NODE_PARAMETERS = {
     'frame_id': Parameter('world', '', None, None, 'Frame of all poses, in and out'),
     'publish_rate': Parameter(60.0, 'Hz', 0.1, 1000.0, 'Rate of the messages'),
     'max_published_particles': Parameter(100_000, '', 1, 10 ** 9, 'Most particles in ~/particles; '
-                                                               'of more, evenly as many'),
+                                         'of more, evenly as many'),
     'pose_delay': Parameter(0.1, 's', 0.0, 10.0, 'How late poses are played back: two periods of '
                                                  'the poses and their jitter'),
     'pose_timeout': Parameter(0.5, 's', 0.0, 60.0, 'How long a collider without new poses keeps '
