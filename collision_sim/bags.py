@@ -27,6 +27,7 @@ from rosbags.typesys import get_typestore, Stores
 
 # The records that end an MCAP file without an index: DataEnd, Footer, and the magic bytes.
 END = struct.pack('<BQI', 0x0F, 4, 0) + struct.pack('<BQQQI', 0x02, 20, 0, 0, 0) + b'\x89MCAP0\r\n'
+BUFFER = 2 ** 23    # bytes; a chunk and its end go to disk in one piece
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
 LATCHED = Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               _FOR_EVER, _FOR_EVER, QosLiveliness.AUTOMATIC, _FOR_EVER, False)
@@ -34,6 +35,12 @@ LATCHED = Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TR
 
 class _EndedMcapWriter(McapWriter):
     """Ends the file after each chunk, so that it can be read whatever happens afterwards."""
+
+    def __init__(self, path, compression):
+        super().__init__(path, compression)
+        self.bio.close()
+        self.bio = open(self.path, 'r+b', BUFFER)
+        self.bio.seek(0, os.SEEK_END)
 
     def close_chunk(self):
         super().close_chunk()
