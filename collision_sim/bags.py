@@ -21,7 +21,7 @@ import struct
 from collision_sim.checks import SceneError
 from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                 QosTime)
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import get_typestore, Stores
 
@@ -55,7 +55,7 @@ class _McapFolderWriter(Writer):
 
 class BagWriter:
     """
-    Writes one MCAP file, which has its name as soon as it is whole.
+    Writes one MCAP file, compressed by zstd, which has its name as soon as it is whole.
 
     Until then, and if the process is killed, what there is is an MCAP file without an index in
     the folder `<path>.draft`.
@@ -84,6 +84,7 @@ class BagWriter:
             raise SceneError('--record', self._draft, 'must not be there: it is being written, or '
                                                       'left by a run that was killed')
         self._writer = _McapFolderWriter(self._draft, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
         types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {
