@@ -51,7 +51,7 @@ class Coupling:
     def __init__(self, scene):
         shape = 3, len(scene.particles.position)
         self._candidates = Candidates(np.empty(shape), np.empty(shape))
-        self._solver = None
+        self._solver = self._parts = None
         self._pairs = PairSolver(scene) if scene.pairs else None
         self.adopt(scene)
 
@@ -98,8 +98,14 @@ class Coupling:
             self._stretch(parts, threads)
         if self._pairs:
             self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
-        plan = make_plan(parts._replace(candidates=self._candidates))
-        share(step_blocks, threads if len(parts.accounts) > FEW else 1, plan, 1, 0)
+        share(step_blocks, threads if len(parts.accounts) > FEW else 1, self._plan_of(parts), 1, 0)
+
+    def _plan_of(self, parts):
+        """Give the plan of a substep; that of the last one, where it is made of the same parts."""
+        if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
+            self._parts = parts
+            self._plan = make_plan(parts._replace(candidates=self._candidates))
+        return self._plan
 
     def _strike(self, parts, threads):
         """Take the collision stage against colliders; whether anybody has collided."""

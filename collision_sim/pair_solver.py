@@ -16,11 +16,12 @@
 """Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
 
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
-from collision_sim.core.contact_solver import BODY, CONTACT, ENDS, Pile
+from collision_sim.core.contact_solver import make_pile, make_work
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
 from collision_sim.core.pairs import collide_all, list_meetings, Matter, Meetings, PairRules
-from collision_sim.core.piles import Memory, settle
+from collision_sim.core.pile_contacts import Memory
+from collision_sim.core.piles import settle
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import share
@@ -58,23 +59,24 @@ class PairSolver:
             np.empty((0, 2), dtype=np.int32), np.empty(0), np.empty((0, 3)),
             _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32),
             np.empty((3, count)))
-        self._pile = Pile(np.empty((0, BODY)), _nobody(0), np.empty((0, ENDS), dtype=np.int32),
-                          np.empty((0, CONTACT)), _nobody(count))
+        self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
-                              np.empty((0, 6)), _nobody(0), _nobody(count))
+                              np.empty((0, 3)), _nobody(0), _nobody(count))
 
     def adopt(self, scene, rules):
         """Take the values of a scene, and the rules of its steps."""
-        radius, shift = self._matter.radius, rules.flight.mean_shift
-        reach = 2.0 * rules.flight.dt * float(np.linalg.norm(shift))
+        radius, flight = self._matter.radius, rules.flight
+        mean, end = np.linalg.norm(flight.mean_shift), np.linalg.norm(flight.end_shift)
+        slow = 2.0 * float(mean)
         friction = scene.pairs.friction_in(scene)
         self._rules = PairRules(np.vstack([collider_table(scene), pair_row(scene)]),
                                 None if friction.static is None else 1,
-                                None if friction.wet is None else 1, reach)
+                                None if friction.wet is None else 1, slow,
+                                float(mean / end) if slow > 0.0 else 0.5)
         self._dry = 1 if rules.dry or self._rules.dry else None
         self._wet = 1 if rules.wet or self._rules.wet else None
         self._sweeps = SWEEPS * scene.stepping.iterations
-        self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + reach, 0.0)
+        self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + flight.dt * slow, 0.0)
         self._extent[:] = self._base
         self._bounds[:, LARGEST] = self._base.max(initial=0.0)
         self._many = rules.sweep is not None or bool(np.any(self._base != self._base[:1]))
@@ -111,13 +113,14 @@ class PairSolver:
         if pairs > len(self._meetings.ends):
             self._make_room(2 * pairs)
         shared = parts.x, parts.v, candidates, self._meetings
-        share(list_meetings, threads, rules.sweep, rules.flight.dt, self._matter, self._cells,
-              self._near, ends - self._near.count[:pieces], *shared)
+        share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
+              self._matter, self._cells, self._near, ends - self._near.count[:pieces], *shared)
         collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger, *shared,
                     pairs, parts.accounts)
-        settle(rules, self._rules, self._dry, self._wet, self._sweeps, parts.table, parts.poses,
-               parts.motion, self._matter, parts.ledger, *shared, pairs, self._pile, self._memory,
-               parts.log, parts.accounts)
+        share(settle, threads, make_work(self._sweeps, self._rules.slow), rules,
+              self._rules, self._dry, self._wet, parts.table, parts.poses, parts.motion,
+              self._matter, parts.ledger, *shared, pairs, self._pile, self._memory, parts.log,
+              parts.accounts)
 
     def forget(self):
         """Forget the impulses of the last step."""
@@ -133,13 +136,10 @@ class PairSolver:
         self._meetings = Meetings(
             np.empty((pairs, 2), dtype=np.int32), np.empty(pairs), np.empty((pairs, 3)),
             *self._meetings[3:])
-        self._pile = Pile(
-            np.empty((bodies + supports, BODY)), np.empty(bodies, dtype=np.int32),
-            np.empty((contacts, ENDS), dtype=np.int32), np.empty((contacts, CONTACT)),
-            self._pile.body)
+        self._pile = make_pile(bodies + supports, contacts, self._pile.body)
         old, known = self._memory, self._memory.size[0]
         self._memory = Memory(
-            old.size, np.empty((contacts, 2), dtype=np.int64), np.empty((contacts, 6)),
+            old.size, np.empty((contacts, 2), dtype=np.int64), np.empty((contacts, 3)),
             np.empty(contacts, dtype=np.int32), old.head)
         for before, now in zip(old[1:4], self._memory[1:4]):
             now[:known] = before[:known]
@@ -150,16 +150,16 @@ class PairSolver:
                 (self._cells.level is not None) != self._many):
             self._cells = make_cells(len(self._base), threads, self._many)
             self._chunk_counts = np.zeros((threads, LEVELS), dtype=np.int64)
-        share(lay_out_cells, threads, np.zeros(2 * PHASES, dtype=np.int64), self._cells,
+        share(lay_out_cells, threads, np.zeros(2 * PHASES + 1, dtype=np.int64), self._cells,
               self._chunk_counts, self._bounds, flies, rules.sweep, rules.flight, parts.ledger,
               self._base, parts.x, parts.v, candidates, self._centre, self._extent)
 
     def _find(self, pieces, threads):
         """Find the pairs that are near each other, with as much room as they need."""
-        share(find_near, threads, self._cells, self._near)
+        share(find_near, threads, pieces, self._cells, self._near)
         while (self._near.count[:pieces] > self._near.found.shape[1]).any():
             self._near = _room(len(self._near.found), 2 * self._near.found.shape[1])
-            share(find_near, threads, self._cells, self._near)
+            share(find_near, threads, pieces, self._cells, self._near)
 
 
 def _nobody(count):

@@ -41,12 +41,12 @@ def search(x, v, base, dt=0.01, sweep=None, threads=1):
                 np.zeros(pieces, dtype=np.int64))
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', RuntimeWarning)     # places at 1e300 m, without a compiler
-        share(lay_out_cells, threads, np.zeros(2 * PHASES, dtype=np.int64), cells,
+        share(lay_out_cells, threads, np.zeros(2 * PHASES + 1, dtype=np.int64), cells,
               np.zeros((threads, LEVELS), dtype=np.int64),
               np.full((-(-count // BLOCK), BOUNDS), base.max()), 1, sweep, flight, None, base, x,
               v, candidates, centre, extent)
-        share(find_near, threads, cells, near)
-    used = -(-int(cells.start[slots_in(cells.levels)]) // PIECE)
+        used = -(-int(cells.start[slots_in(cells.levels)]) // PIECE)
+        share(find_near, threads, used, cells, near)
     found = np.concatenate([near.found[p, :near.count[p]] for p in range(used)])
     pairs = np.stack([cells.particle[found >> 32], cells.particle[found & LOW_BITS]], axis=1)
     return pairs, int(near.cut[:used].sum()), centre, extent, cells

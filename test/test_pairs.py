@@ -129,6 +129,23 @@ def test_a_crowd_at_one_place_ends():
     assert np.allclose(sim.momentum(), velocity.sum(axis=0), atol=1e-12)
 
 
+@pytest.mark.filterwarnings('ignore:invalid value', 'ignore:overflow')     # without the compiler
+@pytest.mark.parametrize('detection', ['end_of_step', 'trajectory'])
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_who_is_not_finite_takes_no_part(value, detection):
+    """Places or velocities that are not finite do nothing to the others."""
+    sims = [cloud(40, stepping={'detection': detection}) for _ in range(2)]
+    for sim, bad in zip(sims, (value, 1e3)):
+        sim.position[7, 0] = sim.position[8] = bad
+        sim.velocity[9, 1] = bad
+        sim.position[9] = 2e3       # alone, for comparison
+        sim.step(40)
+    others = np.delete(np.arange(40), [7, 8, 9])
+    assert np.isfinite(sims[0].position[others]).all()
+    assert np.allclose(sims[0].position[others], sims[1].position[others], atol=1e-12)
+    assert sims[0].counters['pair_collisions'] == sims[1].counters['pair_collisions'] > 5
+
+
 def test_writing_to_the_state_between_steps():
     """A jump of a particle loses what the last step has left, and nothing else."""
     sim = simulate([plane()], [[0, 0, 0.1], [0, 0, 0.3]], particles={'radius': 0.1},

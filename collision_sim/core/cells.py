@@ -171,7 +171,7 @@ def slot_of(inverse, levels, k, x, y, z):
     b = (coordinate(inverse[k], y) - levels[k, LOW + 1]) & mask
     c = (coordinate(inverse[k], z) - levels[k, LOW + 2]) & mask
     slot = (a + levels[k, STRIDE_Y] * b + levels[k, STRIDE_Z] * c) & mask
-    return min(max(slot, levels[k, LOWEST]), levels[k, HIGHEST])    # NaN is somewhere in the grid
+    return min(max(slot, levels[k, LOWEST]), levels[k, HIGHEST])
 
 
 @kernel
@@ -282,6 +282,8 @@ def count_slots(cells, chunk, centre, first, last):
     for i in range(first, last):
         k = level_at(cells.level, i)
         s = slot_of(cells.inverse, levels, k, centre[0, i], centre[1, i], centre[2, i])
+        if centre[0, i] != centre[0, i]:        # NaN: spread, as many in a slot would take long
+            s = levels[k, LOWEST] + i % (levels[k, HIGHEST] + 1 - levels[k, LOWEST])
         cells.slot[i] = s
         counts[chunk, levels[k, FIRST] + s] += 1
         if s < GHOSTS:

@@ -81,7 +81,14 @@ def _candidate(flies, flight, ledger, block, v, candidates, i):
 def _stretch(sweep, base, extent, i, half):
     """Write the extent of particle i with half of its path [m], if there are sweeps."""
     if sweep is not None:
-        extent[i] = base[i] + half
+        extent[i] = base[i] + half if half < inf else 0.0
+
+
+@inlined
+def _finite_place(x, y, z):
+    """Give a place, or NaN, which is near nothing, where a coordinate is not finite."""
+    blank = (x - x) + (y - y) + (z - z)
+    return x + blank, y + blank, z + blank
 
 
 @inlined
@@ -102,7 +109,8 @@ def _lay_out_block(flies, sweep, flight, ledger, block, base, x, v, candidates, 
     ax, ay, az, bx, by, bz = inf, inf, inf, -inf, -inf, -inf
     for i in range(first, last):
         u = _candidate(flies, flight, ledger, block, v, candidates, i)
-        px, py, pz = x[0, i] + part * u[0], x[1, i] + part * u[1], x[2, i] + part * u[2]
+        px, py, pz = _finite_place(x[0, i] + part * u[0], x[1, i] + part * u[1],
+                                   x[2, i] + part * u[2])
         centre[0, i], centre[1, i], centre[2, i] = px, py, pz
         _stretch(sweep, base, extent, i, part * sqrt(dot(u, u)))
         ax, bx = (px if px < ax else ax), (px if px > bx else bx)
@@ -164,8 +172,8 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
     ----------
     posted, counters
         Of threads.share.
-    progress : (2 * PHASES,) int64
-        Zeros; of threads.finish.
+    progress : (2 * PHASES + 1,) int64
+        Zeros, new for each step; of threads.finish, and the number of rows.
     cells : cells.Cells
         Written.
     chunk_counts : (chunks, LEVELS) int64
@@ -214,6 +222,7 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
     finish(progress, COUNT, chunks)
     if fetch_add(progress, 2 * START, 1) == 0:
         start_slots(cells)
+        progress[2 * PHASES] = cells.start[slots_in(cells.levels)]
         fetch_add(progress, 2 * START + 1, 1)
     finish(progress, START, 1)
     chunk = fetch_add(progress, 2 * FILL, 1)
@@ -223,7 +232,7 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
         fetch_add(progress, 2 * FILL + 1, 1)
         chunk = fetch_add(progress, 2 * FILL, 1)
     finish(progress, FILL, chunks)
-    rows = cells.start[slots_in(cells.levels)]
+    rows = progress[2 * PHASES]     # not those of the next step, for a thread that comes too late
     row = PIECE * fetch_add(progress, 2 * ORDER, 1)
     while row < rows:
         order_slots(cells, row, min(row + PIECE, rows))
@@ -343,7 +352,7 @@ def find_in_piece(cells, near, piece, queue):
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def find_near(posted, counters, cells, near):
+def find_near(posted, counters, pieces, cells, near):
     """
     Find all pairs that are near each other, piece by piece of the sorted particles.
 
@@ -351,6 +360,8 @@ def find_near(posted, counters, cells, near):
     ----------
     posted, counters
         Of threads.share.
+    pieces : int
+        How many there are.
     cells : cells.Cells
         Of `lay_out_cells`.
     near : Near
@@ -358,11 +369,10 @@ def find_near(posted, counters, cells, near):
 
     """
     queue = np.empty(QUEUE + 10 * MOST_NEAR + SHORT, dtype=np.int64)
-    rows = cells.start[slots_in(cells.levels)]
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     piece = fetch_add(counters, CLAIMED, 1)
-    while piece * PIECE < rows:
+    while piece < pieces:
         find_in_piece(cells, near, piece, queue)
         piece = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

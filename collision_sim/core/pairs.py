@@ -17,10 +17,12 @@
 The collision stage between particles: elastic, on the velocities at the start of the step.
 
 Two particles collide if they overlap where their candidates end (with sweeps: meet on the way) and
-approach each other. Then each gets its part, by the masses, of one change of their relative
-velocity: restitution along the normal, friction along the surface. So the momentum of a pair is
-conserved to rounding, and with restitution 1 and without friction its energy. Balls do not spin:
-friction at their surfaces does not conserve angular momentum about their centres.
+approach each other, faster than gravity makes it in a step: else they are in contact, and bounces
+that take less than two steps would keep a pile rattling. Then each gets its part, by the masses,
+of one change of their relative velocity: restitution along the normal, friction along the surface.
+So the momentum of a pair is conserved to rounding, and with restitution 1 and without friction its
+energy. Balls do not spin: friction at their surfaces does not conserve angular momentum about
+their centres.
 
 Of several collisions of one particle the deepest comes first (with sweeps: the earliest). In each
 round the pairs respond that come first for both of their particles; their candidates are flown
@@ -63,13 +65,16 @@ class PairRules(NamedTuple):
     What pairs do; absent friction is None.
 
     laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: 1 if pairs
-    have such friction; reach [m]: farthest from each other that particles can be in contact.
+    have such friction; slow [m/s]: what gravity does in a step, up to which who approaches is in
+    contact and does not collide; part [-]: what the mean velocity gets of what a constant force
+    gives to the end velocity.
     """
 
     laws: np.ndarray
     dry: Optional[int]
     wet: Optional[int]
-    reach: float
+    slow: float
+    part: float
 
 
 class Meetings(NamedTuple):
@@ -171,13 +176,14 @@ def _meet(sweep, dt, size, x, v, candidates, i, j):
 
 
 @kernel
-def look_at(sweep, dt, matter, x, v, candidates, meetings, p):
+def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     """Write when or how deep pair p collides, and its normal."""
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
-    if not dot(n, relative) < -ROUNDING * (largest(vi) + largest(vj)) or (
+    least = max(slow, ROUNDING * (largest(vi) + largest(vj)))
+    if not dot(n, relative) < -least or (
             max(meetings.hits[i], meetings.hits[j]) >= MOST_HITS):
         order = inf
     meetings.order[p] = order
@@ -192,7 +198,7 @@ def can_meet(matter, i, j):
 
 
 @kernel
-def _list_piece(sweep, dt, matter, cells, near, piece, first, x, v, candidates, meetings):
+def _list_piece(sweep, slow, dt, matter, cells, near, piece, first, x, v, candidates, meetings):
     """List the pairs that have been found in a piece, from row `first` on."""
     for k in range(near.count[piece]):
         i = cells.particle[near.found[piece, k] >> 32]
@@ -203,12 +209,12 @@ def _list_piece(sweep, dt, matter, cells, near, piece, first, x, v, candidates, 
         if can_meet(matter, i, j):
             put(meetings.before, i, column(v, i))
             put(meetings.before, j, column(v, j))
-            look_at(sweep, dt, matter, x, v, candidates, meetings, p)
+            look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p)
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def list_meetings(posted, counters, sweep, dt, matter, cells, near, first, x, v, candidates,
-                  meetings):
+def list_meetings(posted, counters, sweep, slow, dt, matter, cells, near, first, x, v,
+                  candidates, meetings):
     """
     List the pairs that have been found near each other, and look at each.
 
@@ -218,6 +224,8 @@ def list_meetings(posted, counters, sweep, dt, matter, cells, near, first, x, v,
         Of threads.share.
     sweep, matter, cells, near, x, v, candidates, meetings
         As in `collide_all`.
+    slow : float [m/s]
+        Of PairRules.
     dt : float [s]
         Length of the step.
     first : (pieces,) int64
@@ -228,8 +236,8 @@ def list_meetings(posted, counters, sweep, dt, matter, cells, near, first, x, v,
     fetch_add(counters, ENTERED, 1)
     piece = fetch_add(counters, CLAIMED, 1)
     while piece < first.shape[0]:
-        _list_piece(sweep, dt, matter, cells, near, piece, first[piece], x, v, candidates,
-                    meetings)
+        _list_piece(sweep, slow, dt, matter, cells, near, piece, first[piece], x, v,
+                    candidates, meetings)
         piece = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)
 
@@ -349,7 +357,7 @@ def collide_all(sweep, rules, flight, matter, ledger, x, v, candidates, meetings
         for p in range(count):
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
             if turn in (meetings.moved[i], meetings.moved[j]) and can_meet(matter, i, j):
-                look_at(sweep, flight.dt, matter, x, v, candidates, meetings, p)
+                look_at(sweep, rules.slow, flight.dt, matter, x, v, candidates, meetings, p)
         turn += 1
     for p in range(count):
         for k in range(2):

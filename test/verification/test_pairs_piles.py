@@ -113,6 +113,46 @@ def test_heavy_ball_on_a_light_one():
     assert fastest(sim) < 1e-9
 
 
+@pytest.mark.parametrize('masses', [(1.0, 1000.0), (1000.0, 1.0), (1.0, 1000.0, 1.0)])
+def test_masses_of_ratio_a_thousand(masses):
+    """Heavy balls on light ones and light on heavy ones come to rest where they are."""
+    start = column(len(masses))
+    sim = pile(start, mass=masses)
+    sim.step(200)
+    assert np.abs(sim.position - start).max() < 1e-3 * RADIUS
+    assert fastest(sim) < 1e-9
+
+
+def test_wedge_between_two_walls():
+    """Two balls on each other in a groove: each wall carries its share of both weights."""
+    normals = np.array([[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]]) / np.sqrt(2.0)
+    walls = [plane(normal, name=f'wall{k}') for k, normal in enumerate(normals)]
+    start = column(2) + [0.0, 0.0, (np.sqrt(2.0) - 1.0) * RADIUS]
+    sim = pile(start, mass=[1.0, 3.0], friction=0.0, colliders=walls)
+    sim.step(100)
+    contacts = sim.contacts
+    assert contacts.collider.tolist() == [0, 1]
+    assert np.allclose(contacts.impulse, 4.0 * G * DT / np.sqrt(2.0) * normals, rtol=1e-9)
+    assert np.abs(sim.position - start).max() < 1e-12
+    assert fastest(sim) < 1e-12
+
+
+def test_a_ball_with_room_between_a_floor_and_a_roof_of_balls_comes_to_rest():
+    """Whom the floor carries does not collide with it as well: no bounce feeds itself."""
+    held = np.array([[-1.0, 0.0, 2.6], [1.0, 0.0, 2.6]]) * RADIUS
+    sim = pile(np.concatenate([[[0.0, 0.0, 1.005 * RADIUS]], held]), mass=[1.0, np.inf, np.inf],
+               restitution=0.5, gravity=(0.3, 0.0, -G))
+    sim.velocity[0] = [0.0, 0.0, 0.1]
+    sim.velocity[1:] = 0.0
+    speeds = []
+    for _ in range(120):
+        sim.step()
+        sim.position[1:], sim.velocity[1:] = held, 0.0
+        speeds.append(np.linalg.norm(sim.velocity[0]))
+    assert max(speeds) < 0.2
+    assert max(speeds[-20:]) < 1e-6
+
+
 def test_free_cluster_falls_as_one():
     """Touching balls in free fall do nothing to each other."""
     sim = pile(column(3) + [0, 0, 5], colliders=[plane(point=(0, 0, -1e9))])
@@ -173,6 +213,21 @@ def poured(count, spread=1.0, density=False):
              plane((0, -1, 0), (0, side, 0), name='north')]
     mass = (radius / RADIUS) ** 3 if density else np.ones(count)
     return position, radius, mass, walls
+
+
+@pytest.mark.jit
+def test_heap_with_friction_rests_and_stays():
+    """Nobody in a heap of 300 is faster than 1e-4 m/s after 4 s, nor moves after that."""
+    position, _, _, walls = poured(300)
+    sim = pile(position, restitution=0.5, colliders=walls, contacts=False)
+    sim.step(960)
+    before, speeds = sim.position.copy(), []
+    for _ in range(24):
+        sim.step(10)
+        speeds.append(fastest(sim))
+    assert max(speeds) < 1e-4
+    assert np.abs(sim.position - before).max() < 1e-3 * RADIUS
+    assert overlap(sim) < 1e-3
 
 
 @pytest.mark.jit

@@ -1,0 +1,213 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The contacts of a pile: which there are, within which bounds, and what they had in the last step.
+
+Between particles, and with the colliders that may carry them. The bounds of the normal velocities
+are said in piles.py.
+"""
+
+from typing import NamedTuple
+
+from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE, KEPT,
+                                               KEPT_IMPULSE, LAW_ROW, MASS, MEAN, MEAN_BOUND,
+                                               NORMAL, PUSH, push, put_at)
+from collision_sim.core.detection import starts_inside
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.laws import repulsion
+from collision_sim.core.motion import chord_velocity, END, point_velocity, START
+from collision_sim.core.pairs import apart_at_end, can_meet, column, direction, FIRST, SECOND
+from collision_sim.core.rules import Here, NONE, ROUNDING
+from collision_sim.core.shapes import signed_distance
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+import numpy as np
+
+SUPPORT_REACH = 0.25    # share of a radius within which a collider may carry a particle
+
+
+class Memory(NamedTuple):
+    """
+    Impulses of the last step.
+
+    size (1,) int64: how many; key (C, 2) int64: particle with the smaller index and the other one,
+    or N plus a collider; impulses (C, 3) [N s]: on the first; other (C,) int32, head
+    (N,) int32: the last one of each particle, and of each the one before.
+    """
+
+    size: np.ndarray
+    key: np.ndarray
+    impulses: np.ndarray
+    other: np.ndarray
+    head: np.ndarray
+
+
+@kernel
+def _body_of(pile, size, candidates, inverse, i):
+    """Body of particle i; a new one, behind `size` others, if it has none; and their number."""
+    if pile.body[i] != NONE:
+        return pile.body[i], size
+    pile.body[i], pile.particle[size] = size, i
+    put_at(pile.bodies, size, MEAN, column(candidates.u, i))
+    w = column(candidates.w, i)
+    put_at(pile.bodies, size, ENDING, w)
+    put_at(pile.bodies, size, FREE, w)
+    put_at(pile.bodies, size, KEPT, w)
+    pile.bodies[size, INVERSE] = inverse[i]
+    return size, size + 1
+
+
+@inlined
+def _recall(memory, i, j):
+    """Row of the impulses of the last step between particle i and j, or N plus a collider."""
+    row = memory.head[i]
+    while row != NONE:
+        if memory.key[row, 1] == j:
+            return row
+        row = memory.other[row]
+    return NONE
+
+
+@inlined
+def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, i, j):
+    """Write contact c between bodies a and b, with the impulses that i and j had on each other."""
+    bodies, contacts = pile.bodies, pile.contacts
+    pile.ends[c, FIRST], pile.ends[c, SECOND], pile.ends[c, LAW_ROW] = a, b, law
+    put_at(contacts, c, NORMAL, n)
+    contacts[c, MASS] = 1.0 / (bodies[a, INVERSE] + bodies[b, INVERSE])
+    contacts[c, MEAN_BOUND], contacts[c, END_BOUND] = mean_bound, end_bound
+    row, impulse = _recall(memory, min(i, j), max(i, j)), (0.0, 0.0, 0.0)
+    if row != NONE:
+        impulse = scaled(1.0 if i < j else -1.0, at(memory.impulses, row, 0))
+    put_at(contacts, c, IMPULSE, impulse)
+    put_at(contacts, c, KEPT_IMPULSE, impulse)
+    contacts[c, PUSH] = 0.0
+    push(bodies, a, b, ENDING, impulse)
+
+
+@inlined
+def _end_bound(pair_rules, v_n, gap, mean):
+    """Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there."""
+    if gap > 0.0 and v_n < -pair_rules.slow:
+        return v_n
+    return min((mean - (1.0 - pair_rules.part) * v_n) / pair_rules.part, 0.0)
+
+
+@inlined
+def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, n, gap):
+    """Bounds of the normal velocities of a pair with a gap [m] at the end of its candidates."""
+    xi, xj = column(x, i), column(x, j)
+    depth = size - length(subtract(xi, xj))
+    if depth > ROUNDING * (largest(xi) + largest(xj) + size):
+        mean = repulsion(depth, dt, rules.share, rules.highest)
+    else:
+        mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
+    v_n = dot(n, subtract(column(v, i), column(v, j)))
+    return mean, _end_bound(pair_rules, v_n, gap, mean)
+
+
+@kernel
+def list_pairs(rules, pair_rules, law, matter, meetings, count, x, v, candidates, pile, memory):
+    """List the pairs that are in contact; how many bodies and contacts there are."""
+    size, c, dt = 0, 0, rules.flight.dt
+    reach = dt * pair_rules.slow
+    for p in range(count):
+        i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+        extent = matter.radius[i] + matter.radius[j]
+        distance, n = direction(apart_at_end(dt, x, candidates, i, j),
+                                subtract(column(v, i), column(v, j)))
+        if distance - extent <= reach and can_meet(matter, i, j):
+            mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
+                                     n, distance - extent)
+            a, size = _body_of(pile, size, candidates, matter.inverse, i)
+            b, size = _body_of(pile, size, candidates, matter.inverse, j)
+            _add_contact(pile, memory, c, a, b, law, n, mean, end, i, j)
+            c += 1
+    return size, c
+
+
+@inlined
+def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candidates, c, pile,
+             memory, size, count):
+    """
+    List collider c as a support of a particle, if it may carry it; how many there are then.
+
+    Who comes down on it from before the step will collide with it, and is not carried.
+    """
+    i, dt = here.particle, rules.flight.dt
+    x0, u = column(x, i), column(candidates.u, i)
+    x1 = add_scaled(x0, dt, u)
+    phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+    gap = phi - here.radius
+    if not gap <= SUPPORT_REACH * here.radius:
+        return size, count
+    first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
+    if dot(n, subtract(column(before, i), first)) < -pair_rules.slow:
+        return size, count
+    depth = starts_inside(rules, here, table, poses, c, x0)
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+    last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
+    mean = dot(n, subtract(u, obj)) - gap / dt
+    if depth > 0.0:
+        mean = repulsion(depth, dt, rules.share, rules.highest)
+    v_n = dot(n, subtract(column(v, i), first))
+    end = _end_bound(pair_rules, v_n, gap, mean)
+    put_at(pile.bodies, size, MEAN, obj)
+    put_at(pile.bodies, size, ENDING, last)
+    put_at(pile.bodies, size, FREE, last)
+    put_at(pile.bodies, size, KEPT, last)
+    pile.bodies[size, INVERSE] = 0.0
+    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, i, x.shape[1] + c)
+    return size + 1, count + 1
+
+
+@kernel
+def list_supports(rules, pair_rules, table, poses, motion, radius, x, v, before, candidates, pile,
+                  memory, bodies, contacts):
+    """List the colliders that may carry the bodies; how many bodies and contacts there are."""
+    size, end = bodies, min(1, poses.shape[0] - 1)
+    for a in range(bodies):
+        i = pile.particle[a]
+        if pile.bodies[a, INVERSE] > 0.0:
+            for c in range(table.shape[0]):
+                if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
+                    return size, contacts
+                here = Here(0, 0, end, 0, i, radius[i], None)
+                size, contacts = _support(rules, pair_rules, here, table, poses, motion, x, v,
+                                          before, candidates, c, pile, memory, size, contacts)
+    return size, contacts
+
+
+@kernel
+def forget(memory):
+    """Empty the lists of the last step's impulses."""
+    for row in range(memory.size[0]):
+        memory.head[memory.key[row, 0]] = NONE
+    memory.size[0] = 0
+
+
+@kernel
+def remember(pile, memory, count, bodies):
+    """Keep the impulses for the next step."""
+    forget(memory)
+    particles = memory.head.shape[0]
+    for c in range(count):
+        a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
+        i = pile.particle[a]
+        j = pile.particle[b] if b < bodies else particles + pile.ends[c, LAW_ROW]
+        sign = 1.0 if i < j else -1.0
+        memory.key[c, 0], memory.key[c, 1] = min(i, j), max(i, j)
+        put_at(memory.impulses, c, 0, scaled(sign, at(pile.contacts, c, IMPULSE)))
+        memory.other[c], memory.head[min(i, j)] = memory.head[min(i, j)], c
+    memory.size[0] = count
