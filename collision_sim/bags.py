@@ -21,12 +21,13 @@ import struct
 from collision_sim.checks import SceneError
 from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                 QosTime)
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import get_typestore, Stores
 
 # The records that end an MCAP file without an index: DataEnd, Footer, and the magic bytes.
 END = struct.pack('<BQI', 0x0F, 4, 0) + struct.pack('<BQQQI', 0x02, 20, 0, 0, 0) + b'\x89MCAP0\r\n'
+BUFFER = 2 ** 23    # bytes; a chunk and its end go to disk in one piece
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
 LATCHED = Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               _FOR_EVER, _FOR_EVER, QosLiveliness.AUTOMATIC, _FOR_EVER, False)
@@ -34,6 +35,12 @@ LATCHED = Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TR
 
 class _EndedMcapWriter(McapWriter):
     """Ends the file after each chunk, so that it can be read whatever happens afterwards."""
+
+    def __init__(self, path, compression):
+        super().__init__(path, compression)
+        self.bio.close()
+        self.bio = open(self.path, 'r+b', BUFFER)
+        self.bio.seek(0, os.SEEK_END)
 
     def close_chunk(self):
         super().close_chunk()
@@ -48,7 +55,7 @@ class _McapFolderWriter(Writer):
 
 class BagWriter:
     """
-    Writes one MCAP file, which has its name as soon as it is whole.
+    Writes one MCAP file, compressed by zstd, which has its name as soon as it is whole.
 
     Until then, and if the process is killed, what there is is an MCAP file without an index in
     the folder `<path>.draft`.
@@ -77,6 +84,7 @@ class BagWriter:
             raise SceneError('--record', self._draft, 'must not be there: it is being written, or '
                                                       'left by a run that was killed')
         self._writer = _McapFolderWriter(self._draft, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
         types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {

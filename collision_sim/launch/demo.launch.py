@@ -22,6 +22,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 RVIZ = Path(__file__).resolve().parents[1] / 'rviz' / 'collision_sim.rviz'
+SHOWN = ['cloud', 'colliders', 'contacts', 'particles']     # topics in that file
 
 
 def nodes(context):
@@ -31,7 +32,9 @@ def nodes(context):
     found = [simulator(values, viewer), node('swing_paddle', values)]
     if values['rviz'].lower() == 'true':
         found.append(Node(package='rviz2', executable='rviz2', output='screen',
-                          arguments=['-d', str(RVIZ)]))
+                          arguments=['-d', str(RVIZ)], namespace=values['namespace'],
+                          remappings=[(f'/collision_sim/{topic}', f'collision_sim/{topic}')
+                                      for topic in SHOWN]))
     return found
 
 

@@ -12,82 +12,185 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node says about itself on /diagnostics, once a second."""
+"""What the node says about itself on /diagnostics, once a second, as long as somebody listens."""
 
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+SLOWEST = 0.5           # real-time factor below which steps left out are an error
+DEEPEST = 1e-3          # m that a particle may be inside a collider
+LARGEST_RESIDUAL = 1e-9     # of the ledger, as a share of all that is booked in it
+UNUSUAL = {             # counters that stand still in a sound simulation, and what one more means
+    'fail_safes': 'fail-safes',
+    'unplaced': 'particles left inside a collider',
+    'undecided': 'impacts that were not found',
+}
 
 
 class Diagnostics:
-    """Rates between two reports; `slow` while steps were left out for lack of time."""
+    """
+    Accounts of the time since the last report, and the reports.
 
-    def __init__(self):
-        """Start the first interval."""
+    Parameters
+    ----------
+    name : str
+        Of the node.
+    simulation : Simulation
+    poses : PoseTopics
+    outputs : Outputs
+    refused : Counter
+        Values from topics that were refused, by parameter.
+
+    Attributes
+    ----------
+    steps : int
+        Taken.
+    step_times, publish_times : list of float [s]
+        Per step, and per message of all topics together.
+    slow, paused : bool
+        Whether steps were left out for lack of time; whether none are asked for.
+
+    """
+
+    def __init__(self, name, simulation, poses, outputs, refused):
+        """Begin the first interval when somebody listens."""
         self.paused = False
-        self._dropped = 0
-        self.restart()
+        self._name = name
+        self._simulation, self._poses, self._outputs = simulation, poses, outputs
+        self._refused = refused
+        self.rest()
 
-    def restart(self):
-        """Start the next interval."""
-        self.steps = 0
+    def rest(self):
+        """Nobody listens."""
+        self._counters = None
+        self._clear()
+
+    def begin(self):
+        """Begin an interval that a report is about."""
+        self._counters, self._drops = self._simulation.counters, self._poses.dropped.total()
+        self._refusals = self._refused.total()
+        self._clear()
+
+    def _clear(self):
+        self.steps, self.step_times, self.publish_times = 0, [], []
         self.slow = False
         self._since = time.monotonic()
 
-    def report(self, name, simulation, poses, now):
+    def report(self, now):
         """
-        Give the message about the interval since the last report.
+        Give the message about the interval, and begin the next.
 
         Parameters
         ----------
-        name : str
-            Of the node.
-        simulation : Simulation
-            For its time and counters.
-        poses : PoseTopics
-            For what was dropped and what is stale.
         now : float [s]
             Time of the streams.
 
         Returns
         -------
-        statuses : diagnostic_msgs.msg.DiagnosticArray
-            Without a stamp.
+        message : diagnostic_msgs.msg.DiagnosticArray or None
+            Without a stamp; None where the interval begins only now.
 
         """
-        elapsed = max(time.monotonic() - self._since, 1e-9)
-        rate = self.steps / elapsed
+        statuses = None
+        if self._counters is not None:
+            statuses = [self._pace(), self._physics()]
+            if self._poses.topics or self._refused:
+                statuses.append(self._inputs(now))
+        self.begin()
+        return statuses and DiagnosticArray(status=statuses)
+
+    def _pace(self):
+        """Tell how fast it goes, and what it takes."""
+        simulation, elapsed = self._simulation, self._elapsed()
+        factor = self.steps * simulation.dt / elapsed
         values = {
             'time [s]': simulation.time,
             'step [s]': simulation.dt,
-            'steps per second': rate,
-            'real-time factor': rate * simulation.dt,
+            'steps per second': self.steps / elapsed,
+            'real-time factor': factor,
+            **_spread('step time', self.step_times),
+            **_spread('publish time', self.publish_times),
             'particles': len(simulation.position),
-            **simulation.counters,
+            'particles in a PoseArray': self._outputs.shown,
         }
-        pace = 'too slow for the clock' if self.slow else 'paused' if self.paused else 'running'
-        statuses = [_status(name + ': simulation', self.slow, pace, values)]
-        if poses.topics:
-            statuses.append(self._pose_status(name, poses, now))
-        self.restart()
-        return DiagnosticArray(status=statuses)
+        findings = []
+        if self.slow:
+            findings.append((ERROR if factor < SLOWEST else WARN, 'too slow for the clock'))
+        return _status(self._name + ': pace', findings, values,
+                       'paused' if self.paused else 'running')
 
-    def _pose_status(self, name, poses, now):
-        values = {'dropped %s: %s' % key: count for key, count in sorted(poses.dropped.items())}
-        total = sum(poses.dropped.values())
-        stale = poses.stale(now)
-        problems = ['%s stands still without poses' % collider for collider in stale]
-        if total > self._dropped:
-            problems.append('%d poses dropped' % (total - self._dropped))
-        self._dropped = total
-        values = {'dropped': total, 'stale': ' '.join(stale), **values}
-        return _status(name + ': poses', bool(problems), ', '.join(problems) or 'fine', values)
+    def _physics(self):
+        """Tell what happens, and whether it can be trusted."""
+        counters, elapsed = self._simulation.counters, self._elapsed()
+        new = {key: count - self._counters[key] if count >= self._counters[key] else count
+               for key, count in counters.items()}     # less than before: there was a reset
+        clearance = self._simulation.clearance()
+        depth = float(np.max(-clearance, initial=0.0, where=np.isfinite(clearance)))
+        frozen = counters.get('frozen', 0)
+        values = {
+            'collisions per second': new['collisions'] / elapsed,
+            'contacts per second': new['contacts'] / elapsed,
+            'deepest penetration [m]': depth,
+            **counters,
+        }
+        findings = [(WARN, '%d %s' % (new[key], text)) for key, text in UNUSUAL.items()
+                    if new[key]]
+        if frozen:
+            findings.append((ERROR, '%d particles are not finite and frozen' % frozen))
+        if depth > DEEPEST:
+            findings.append((WARN, 'a particle is %.3g m inside a collider' % depth))
+        if self._simulation.ledger is not None:
+            residual, share = _residual(self._simulation.ledger.total)
+            values.update({'ledger residual [J]': residual, 'ledger residual [share]': share})
+            if not share <= LARGEST_RESIDUAL:
+                findings.append((ERROR, 'the ledger misses %.3g of its bookings' % share))
+        return _status(self._name + ': physics', findings, values)
+
+    def _inputs(self, now):
+        """Tell what came from others and was not taken, or no longer comes."""
+        dropped, stale = self._poses.dropped, self._poses.stale(now)
+        findings = [(WARN, '%s stands still without poses' % collider) for collider in stale]
+        if dropped.total() > self._drops:
+            findings.append((WARN, '%d poses dropped' % (dropped.total() - self._drops)))
+        if self._refused.total() > self._refusals:
+            findings.append((WARN, '%d values refused' % (
+                self._refused.total() - self._refusals)))
+        values = {
+            'dropped': dropped.total(),
+            'stale': ' '.join(stale),
+            **{'dropped %s: %s' % key: count for key, count in sorted(dropped.items())},
+            **{'refused %s' % key: count for key, count in sorted(self._refused.items())},
+        }
+        return _status(self._name + ': inputs', findings, values)
+
+    def _elapsed(self):
+        return max(time.monotonic() - self._since, 1e-9)
 
 
-def _status(name, warn, message, values):
-    level = DiagnosticStatus.WARN if warn else DiagnosticStatus.OK
+def _spread(name, seconds):
+    """Mean and 99th percentile of durations, in ms."""
+    if not seconds:
+        return {}
+    return {name + ', mean [ms]': 1e3 * float(np.mean(seconds)),
+            name + ', p99 [ms]': 1e3 * float(np.percentile(seconds, 99))}
+
+
+def _residual(balance):
+    """Residual of a Balance [J], and as a share of all that is booked."""
+    booked = sum(abs(value) for value in (
+        balance.gravity, balance.drag, balance.restitution, balance.dry, balance.wet,
+        balance.contact, balance.repulsion, balance.internal, *balance.colliders))
+    return balance.residual, abs(balance.residual) / max(booked, 1e-300)
+
+
+def _status(name, findings, values, fine='fine'):
+    """Status of the worst level of (level, text) findings."""
     return DiagnosticStatus(
-        level=level, name=name, message=message, hardware_id='none',
+        level=max((level for level, _ in findings), default=OK), name=name, hardware_id='none',
+        message=', '.join(text for _, text in findings) or fine,
         values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()])
 
 

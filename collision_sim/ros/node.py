@@ -51,13 +51,14 @@ class CollisionSimNode(SturdyNode):
         """Load the scene, compile the kernels, and start; options are those of rclpy's Node."""
         super().__init__('collision_sim', **options)
         self._paused = False
-        self._diagnostics = Diagnostics()
         self._start_simulation()
         self._poses = PoseTopics(self, self._simulation.scene, self._time)
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
         self._live = LiveParameters(self, self._simulation, self._change)
+        self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
+                                        self._poses, self._outputs, self._live.refused)
         self._start_ticking()
         self._say_how_to_use()
 
@@ -66,7 +67,7 @@ class CollisionSimNode(SturdyNode):
     def _start_simulation(self):
         scene, name, publish_clock, start = declare_fixed(self)
         scene = declare_values(self, scene)
-        self._simulation = Simulation(scene)
+        self._simulation = Simulation(scene, ledger=self.get_parameter('ledger').value)
         self._seconds_a_step = self._warm_up()
         self._time = PublishedClock(self, self._simulation) if publish_clock \
             else FollowedClock(self, start)
@@ -79,6 +80,7 @@ class CollisionSimNode(SturdyNode):
         for recording in (True, False):
             self._simulation.record_contacts = recording
             self._simulation.step()
+        self._simulation.clearance()
         start = time.perf_counter()
         self._simulation.step()
         duration = time.perf_counter() - start
@@ -131,7 +133,9 @@ class CollisionSimNode(SturdyNode):
         self._time.publish()
         self._ticks += 1
         if self._ticks % self._ticks_a_message == 0:
+            start = time.perf_counter()
             self._outputs.publish(self._time.stamp())
+            self._diagnostics.publish_times.append(time.perf_counter() - start)
 
     def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
@@ -153,8 +157,9 @@ class CollisionSimNode(SturdyNode):
                 count, asked), throttle_duration_sec=WARN_PERIOD)
         start = time.perf_counter()
         self._advance(*self._time.spend(asked, count, dt))
-        self._seconds_a_step += 0.1 * (
-            (time.perf_counter() - start) / count - self._seconds_a_step)
+        duration = (time.perf_counter() - start) / count
+        self._diagnostics.step_times.append(duration)
+        self._seconds_a_step += 0.1 * (duration - self._seconds_a_step)
 
     def _advance(self, times, pace):
         """
@@ -177,12 +182,12 @@ class CollisionSimNode(SturdyNode):
 
     def _report(self):
         if not self._diagnostic.get_subscription_count():
-            self._diagnostics.restart()
+            self._diagnostics.rest()
             return
-        message = self._diagnostics.report(
-            self.get_fully_qualified_name(), self._simulation, self._poses, self._time.now())
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostic.publish(message)
+        message = self._diagnostics.report(self._time.now())
+        if message is not None:
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._diagnostic.publish(message)
 
     def _warn_of_namesakes(self):
         """Say once that another node has the same name: both would answer."""

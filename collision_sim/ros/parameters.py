@@ -42,6 +42,8 @@ FIXED_PARAMETERS = {        # read-only
     'start_time': Parameter(0.0, 's', 0.0, 1e10, 'When the first step begins, on the clock of the '
                                                  'node, where several begin together; at once if '
                                                  'that is past'),
+    'ledger': Parameter(False, '', None, None, 'Whether accounts of energy are kept, and their '
+                                               'residual is in the diagnostics'),
     'viewer': Parameter(False, '', None, None, 'Whether a page in the browser shows the scene'),
     'viewer_port': Parameter(8080, '', 0, 65535, 'Port of that page on 127.0.0.1; 0: a free one'),
 }

@@ -130,14 +130,14 @@ def add_arguments(parser):
 
 @contextmanager
 def stop_signals():
-    """Give a list that fills with the signals of STOP that come, which do nothing else."""
+    """Give a list that fills with the signals of STOP; after the first, others do nothing."""
     received = []
     before = {one: signal.signal(one, lambda came, frame: received.append(came)) for one in STOP}
     try:
         yield received
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
+        for one, handler in before.items():     # once more Ctrl-C must not break the exit
+            signal.signal(one, signal.SIG_IGN if received else handler)
 
 
 class Periodic:

@@ -15,6 +15,7 @@
 """Launch files and names: what is started, under which names, and that it works together."""
 
 from pathlib import Path
+import re
 import subprocess
 import sys
 import time
@@ -126,6 +127,17 @@ def test_arguments_win_over_the_parameter_file():
                                     use_sim_time='True')
         assert simulator.parameters[:3] == ['my.yaml', {'use_sim_time': True}, {'scene': 'rain'}]
         assert other.parameters[:2] == ['my.yaml', {'use_sim_time': True}]
+
+
+def test_rviz_follows_the_namespace():
+    """Its configuration is there, and each topic in it goes by a name that is relative."""
+    assert len(nodes_of(LAUNCH / 'demo.launch.py')) == 2
+    *_, rviz = nodes_of(LAUNCH / 'demo.launch.py', rviz='true', namespace='left')
+    assert (rviz.package, rviz.namespace, rviz.arguments[0]) == ('rviz2', 'left', '-d')
+    config = Path(rviz.arguments[1]).read_text()
+    topics = re.findall(r'Topic:\n +Value: (/\S+)', config)
+    assert len(topics) == 4
+    assert dict(rviz.remappings) == {topic: topic[1:] for topic in topics}
 
 
 # --- names -----------------------------------------------------------------------------------

@@ -24,7 +24,6 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from collision_sim import Simulation  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
 from collision_sim.scene import load_scene  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from geometry_msgs.msg import PoseArray, PoseStamped  # noqa: E402
 from harness import Driver, jittered_stamps, pose_message, TICK  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -305,30 +304,3 @@ def test_poses_from_publishers_of_all_kinds(drive, reliability, durability):
     driver.spin_until(lambda: publisher.get_subscription_count() > 0)
     publisher.publish(pose_message(None, (1, 2, 3)))
     driver.spin_until(lambda: driver.node._poses._streams['paddle'].newest is not None)
-
-
-# --- diagnostics -----------------------------------------------------------------------------
-
-
-def report(driver):
-    return driver.node._diagnostics.report('node', driver.simulation, driver.node._poses,
-                                           driver.node._time.now())
-
-
-def test_diagnostics(drive):
-    driver = drive(PADDLE)
-    messages = subscribe(driver, DiagnosticArray, '/diagnostics')
-    driver.run(0.2, {'paddle': lambda stamp: ((-1, 0, 0.5), (0, 0, 0, 1))}, [driver.now])
-    simulation, poses = report(driver).status
-    assert simulation.level == poses.level == DiagnosticStatus.OK
-    assert {'steps per second', 'real-time factor', 'collisions'} <= {
-        value.key for value in simulation.values}
-    driver.take('paddle', pose_message(None, (nan, 0, 0)))
-    _, poses = report(driver).status
-    assert poses.level == DiagnosticStatus.WARN
-    assert ('dropped paddle: not_finite', '1') in [(v.key, v.value) for v in poses.values]
-    assert report(driver).status[1].level == DiagnosticStatus.OK
-    driver.run(1.0)
-    assert 'paddle stands still' in report(driver).status[1].message
-    driver.spin_until(lambda: messages)
-    assert messages[0].status[0].name == '/collision_sim: simulation'
