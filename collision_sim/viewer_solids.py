@@ -67,11 +67,13 @@ def _add_plane(scene, name, collider, size):
     """Show a square of a plane, with a grid whose cells are of a round length."""
     x, y, z, w = turn_to(collider.normal)
     cell = 0.5 * 10.0 ** np.floor(np.log10(size / 2.0))
-    scene.add_grid(
-        name + '/solid', width=PLANE_SIZE * size, height=PLANE_SIZE * size, cell_size=cell,
-        section_size=2 * cell, plane_color=(172, 177, 186), plane_opacity=1.0,
-        cell_color=(155, 160, 170), section_color=(130, 135, 146), shadow_opacity=0.25,
-        fade_distance=8 * size, wxyz=(w, x, y, z))
+    width, thickness = PLANE_SIZE * size, 1e-3 * size
+    scene.add_frame(name + '/solid', show_axes=False, wxyz=(w, x, y, z))
+    scene.add_box(name + '/solid/slab', dimensions=(width, width, thickness),
+                  position=(0.0, 0.0, -thickness), color=(172, 177, 186), cast_shadow=False)
+    scene.add_grid(name + '/solid/grid', width=width, height=width, cell_size=cell,
+                   section_size=2 * cell, cell_color=(155, 160, 170),
+                   section_color=(130, 135, 146), shadow_opacity=0.0, fade_distance=8 * size)
 
 
 def capsule(radius, half):
