@@ -77,7 +77,7 @@ class BagWriter:
     """
 
     def __init__(self, path, topics, latched=()):
-        self._path, self._draft = path, f'{path}.draft'
+        self._path, self._draft, self._whole = path, f'{path}.draft', True
         if os.path.isdir(path):
             raise SceneError('--record', path, 'must not be a folder')
         if os.path.exists(self._draft):
@@ -95,10 +95,16 @@ class BagWriter:
 
     def write(self, topic, time, message):
         """Add a serialized message that is sent at a time [ns]."""
-        self._writer.write(self._topics[topic], time, message)
+        try:
+            self._writer.write(self._topics[topic], time, message)
+        except OSError as error:        # such as a full disk
+            self._whole = False
+            raise OSError(error.errno, error.strerror, self._draft) from None
 
     def close(self):
-        """Write the index and give the file its name."""
+        """Write the index and give the file its name, if nothing has gone wrong."""
+        if not self._whole:
+            return
         self._writer.close()
         name = os.path.basename(self._draft)
         os.replace(os.path.join(self._draft, f'{name}.mcap'), self._path)

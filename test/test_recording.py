@@ -19,6 +19,7 @@ import os
 from pathlib import Path
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -205,6 +206,18 @@ def start(scene, tmp_path):
     for process in running:
         process.kill()
         process.communicate()
+
+
+def test_a_full_disk(scene, tmp_path):
+    """The reason and the draft, which stays; a limit of the size of a file stands for the disk."""
+    process = subprocess.run(
+        [sys.executable, '-m', 'collision_sim.cli', 'run', scene, '--duration', '1e6',
+         '--record', 'out.mcap', '--topics', 'particles'],
+        cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)}, capture_output=True, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4_000_000, 4_000_000)))
+    assert process.returncode == 2
+    assert process.stderr == "collision_sim: [Errno 27] File too large: 'out.mcap.draft'\n"
+    assert (tmp_path / 'out.mcap.draft').exists() and not (tmp_path / 'out.mcap').exists()
 
 
 def whole_steps(messages):
