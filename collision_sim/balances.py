@@ -35,7 +35,7 @@ class Momenta(NamedTuple):
 
     @property
     def residual(self):
-        """What no account explains: rounding."""
+        """Rest that no account explains: rounding."""
         return self.change - self.gravity - self.drag - self.colliders.sum(axis=0)
 
 

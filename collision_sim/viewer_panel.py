@@ -44,7 +44,7 @@ class Pace:
 
     @property
     def real_time_factor(self):
-        """Simulated time a time on the clock [-]."""
+        """Time of the simulation a time on the clock [-]."""
         (begin, start), (end, stop) = self._notes[0], self._notes[-1]
         return (stop - start) / (end - begin) if end > begin else 0.0
 

@@ -194,7 +194,7 @@ class PoseStream:
 
     @property
     def newest_pose(self):
-        """The newest Pose; None without any."""
+        """Newest Pose; None without any."""
         return self._poses[-1] if self._poses else None
 
     def add(self, stamp, position, orientation):
