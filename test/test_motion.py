@@ -53,8 +53,8 @@ def test_script_of_a_constant_twist():
     for time in (0.0, 0.1, 7.0, 1e4):
         pose, twist = pose_and_twist(script((1.0, 0.0, -2.0), angular), time)
         assert_allclose(pose[9:], (1.0 + time, 2.0, 3.0 - 2.0 * time), rtol=1e-15)
-        q, _, _ = exponential((angular * time)[:, None])
-        expected = rotation_matrix(q[:, 0]) @ BASE[:9].reshape(3, 3)
+        q, _, _ = exponential(angular * time)
+        expected = rotation_matrix(q) @ BASE[:9].reshape(3, 3)
         assert_allclose(pose[:9].reshape(3, 3), expected, rtol=0.0, atol=1e-15 * (1.0 + time) * 9)
         assert_allclose(twist, (1.0, 0.0, -2.0, *angular), rtol=1e-15)
 
@@ -113,8 +113,8 @@ def velocity(motion, poses, which, point):
 def test_chord_keeps_a_rider_in_place(turn):
     """A particle that moves with the chord velocity keeps its place on the collider."""
     random, dt = np.random.default_rng(2), 0.01
-    q, _, _ = exponential(np.array(turn, dtype=float)[:, None])
-    after = rotation_matrix(q[:, 0]) @ BASE[:9].reshape(3, 3)
+    q, _, _ = exponential(np.array(turn, dtype=float))
+    after = rotation_matrix(q) @ BASE[:9].reshape(3, 3)
     poses = np.stack([BASE, (*after.ravel(), 1.5, 1.0, 7.0)])[:, None]
     motion = np.zeros((1, 1, core.MOTION))
     core.fill_turns(poses, motion)

@@ -26,8 +26,8 @@ from bisect import bisect_right
 from math import hypot, inf, isfinite
 from typing import NamedTuple
 
-from collision_sim.core.rotation import (cross, exponential, INVERSE, logarithm, TINY,
-                                         turn_between, turn_matrix, vector_rate)
+from collision_sim.core.pose_curve import cubic, cubic_between, play, turned, twist_at
+from collision_sim.core.rotation import turn_between
 import numpy as np
 
 BEFORE, AFTER = 3, 1        # stamps around one from which its twist is estimated
@@ -36,6 +36,7 @@ SHORTEST = 0.002            # s; poses that follow closer replace each other
 FARTHEST = 1e6              # m from the origin
 ZERO, UNIT = 1e-6, 1e-3     # length of a quaternion: taken as zero below, as a unit one within
 CAPACITY = 1000             # poses kept while nobody plays them
+STILL = np.zeros(6)         # a twist
 
 
 class PoseError(ValueError):
@@ -84,59 +85,11 @@ class _Knot(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """
-    A cubic from `start` on.
-
-    powers (12, 4): position, rotation vector relative to the start, and their rates, by powers of
-    time; turn (4, 4): `turn_matrix` of the orientation at the start; turning: whether any.
-    """
+    """A cubic of pose_curve.py, from `start` and an orientation on."""
 
     start: float
-    powers: np.ndarray
-    turn: np.ndarray
-    turning: bool
-
-    def at(self, time, out):
-        """Write position, orientation and twist at times (n,) to the columns of out (13, n)."""
-        u = time - self.start
-        square = u * u
-        value = self.powers @ np.array([np.ones(len(u)), u, square, square * u])
-        out[:3], out[7:] = value[:3], value[6:]
-        if not self.turning:
-            out[3:7] = self.turn[3][:, None]
-            return
-        q, a, b = exponential(value[3:6])
-        out[3:7] = self.turn.T @ q
-        across = cross(value[3:6], value[9:])
-        out[10:] += a * across + b * cross(value[3:6], across)
-
-
-def _slope_weights(stamps, i):
-    """Weights of values at the stamps in the derivative of their polynomial at stamp i."""
-    gaps = stamps[:, None] - stamps
-    np.fill_diagonal(gaps, 1.0)
-    scale = 1.0 / gaps.prod(axis=1)
-    weights = scale / (scale[i] * gaps[i])
-    weights[i] = 0.0
-    return weights
-
-
-def _vectors_around(stamps, q, i):
-    """
-    Rotation vectors (n, 3) of orientations (n, 4) relative to number i.
-
-    To its neighbours the shortest way; earlier ones through as many whole turns as the spin from
-    the neighbour before suggests.
-    """
-    vectors = logarithm(q @ turn_matrix(q[i] * INVERSE))
-    if i > 1:
-        spin = vectors[i - 1] / (stamps[i - 1] - stamps[i])
-        angle = np.sqrt(np.square(vectors[:i - 1]).sum(axis=1)) + TINY
-        axis = vectors[:i - 1] / angle[:, None]
-        expected = (stamps[:i - 1] - stamps[i]) * (axis @ spin)
-        whole = 2.0 * np.pi * np.rint((expected - angle) / (2.0 * np.pi))
-        vectors[:i - 1] += whole[:, None] * axis
-    return vectors
+    table: np.ndarray
+    orientation: np.ndarray
 
 
 class PoseStream:
@@ -302,7 +255,7 @@ class PoseStream:
         self._knot = _Knot(pose.stamp, pose.position, pose.orientation, None)
         begin = min(time, pose.stamp)
         self._jumps.append(begin)
-        self._append(begin, np.zeros((3, 6)))
+        self._append(begin, cubic(pose.position, STILL, STILL, STILL))
 
     def _extend(self, until):
         """Add the next piece of the curve; it coasts no longer than to `until`."""
@@ -344,13 +297,9 @@ class PoseStream:
         twist = self._twist(target)
         lead = time - pose.stamp
         end = _moved(pose, twist, lead) if lead > 0.0 else pose
-        h = time - knot.time
-        way, turn = way_between(knot, end)
-        chord = np.concatenate([way, turn]) / h
-        rate = np.concatenate([twist[:3], vector_rate(turn, twist[3:])])
-        self._append(knot.time, np.array([
-            knot.twist, (3.0 * chord - 2.0 * knot.twist - rate) / h,
-            (knot.twist + rate - 2.0 * chord) / h ** 2]))
+        self._append(knot.time, cubic_between(
+            knot.position, knot.orientation, knot.twist, end.position, end.orientation, twist,
+            time - knot.time))
         self._knot = _Knot(time, end.position, end.orientation, twist)
         self._used, self._on_pose = target, lead <= 0.0
 
@@ -359,9 +308,9 @@ class PoseStream:
         limit = self._poses[self._used].stamp + self.timeout
         knot = self._knot
         if knot.time >= limit:
-            knot = knot._replace(twist=np.zeros(6))
+            knot = knot._replace(twist=STILL)
         end = min(until, limit) if knot.time < limit else until
-        self._append(knot.time, np.array([knot.twist, np.zeros(6), np.zeros(6)]))
+        self._append(knot.time, cubic(knot.position, knot.twist, STILL, STILL))
         self._knot = _moved(knot, knot.twist, end - knot.time)
         self._on_pose = False
 
@@ -371,17 +320,12 @@ class PoseStream:
         time = max(self._knot.time, pose.stamp)
         self._used, self._on_pose = target, time == pose.stamp
         self._knot = _Knot(time, pose.position, pose.orientation,
-                           None if self._on_pose else np.zeros(6))
+                           None if self._on_pose else STILL)
         self._jumps.append(time)
 
-    def _append(self, start, powers):
-        """Add a piece that leaves the end of the curve by the powers 1 to 3 of time, (3, 6)."""
-        table = np.zeros((12, 4))
-        table[:3, 0] = self._knot.position
-        table[:6, 1:] = powers.T
-        table[6:, :3] = powers.T * (1.0, 2.0, 3.0)
-        self._pieces.append(_Piece(start, table, turn_matrix(self._knot.orientation),
-                                   bool(powers[:, 3:].any())))
+    def _append(self, start, table):
+        """Add a cubic that leaves the end of the curve."""
+        self._pieces.append(_Piece(start, table, self._knot.orientation))
 
     def _twist(self, i):
         """Twist (6,) at pose i from the poses around it that no teleport parts from it."""
@@ -394,13 +338,11 @@ class PoseStream:
         while first > max(i - before, 0) and not poses[first].teleport:
             first -= 1
         if first == last:
-            return np.zeros(6)
+            return STILL
         around = poses[first:last + 1]
         stamps = np.array([pose.stamp for pose in around]) - poses[i].stamp
-        orientations = np.array([pose.orientation for pose in around])
-        values = np.hstack([np.array([pose.position for pose in around]) - poses[i].position,
-                            _vectors_around(stamps, orientations, i - first)])
-        return _slope_weights(stamps, i - first) @ values
+        return twist_at(stamps, np.array([pose.position for pose in around]),
+                        np.array([pose.orientation for pose in around]), i - first)
 
     def _evaluate(self, times):
         out = np.empty((13, len(times)))
@@ -410,7 +352,7 @@ class PoseStream:
             if k + 1 < len(self._pieces):
                 last = int(times.searchsorted(self._pieces[k + 1].start))
             if last > first:
-                piece.at(times[first:last], out[:, first:last])
+                play(piece.table, piece.start, piece.orientation, times, first, last, out)
                 first = last
         teleport = np.zeros(len(times), dtype=bool)
         for jump in self._jumps:
@@ -427,9 +369,17 @@ class PoseStream:
         self._drop(max(self._used - BEFORE, 0))
 
 
+def prepare():
+    """Compile what streams are played with, or load it; the first pose would wait for it."""
+    stream = PoseStream(delay=0.0)
+    for k in range(4):
+        stream.add(0.1 * k, (0.01 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    stream.sample(np.array([0.0, 0.15, 0.4]))      # on the curve, and coasting
+
+
 def _moved(pose, twist, duration):
     """Knot at which a constant twist arrives."""
-    turn = exponential(duration * twist[3:, None])[0][:, 0] @ turn_matrix(pose.orientation)
+    turn = turned(pose.orientation, duration * twist[3:])
     return _Knot(pose[0] + duration, pose.position + duration * twist[:3], turn, twist)
 
 
@@ -441,16 +391,16 @@ def way_between(before, after):
 
 def checked_pose(stamp, position, orientation):
     """Arrays of a pose, the orientation normalised; PoseError if it cannot be one."""
-    position = np.array(position, dtype=float).reshape(3)
-    orientation = np.array(orientation, dtype=float).reshape(4)
-    if not (isfinite(stamp) and np.isfinite(position).all() and np.isfinite(orientation).all()):
+    position = x, y, z = [float(part) for part in position]
+    orientation = [float(part) for part in orientation]
+    if not (isfinite(stamp) and all(map(isfinite, position)) and all(map(isfinite, orientation))):
         raise PoseError('not_finite', 'stamp %s, position %s, orientation %s'
                         % (stamp, position, orientation))
-    if np.abs(position).max() > FARTHEST:
+    if max(abs(x), abs(y), abs(z)) > FARTHEST:
         raise PoseError('too_far', 'position %s, at most %g m' % (position, FARTHEST))
     length = hypot(*orientation)
     if length < ZERO:
         raise PoseError('zero_quaternion', 'orientation %s' % orientation)
     if abs(length - 1.0) > UNIT:
         raise PoseError('not_unit', 'orientation of length %g' % length)
-    return position, orientation / length
+    return np.array(position), np.array(orientation) / length

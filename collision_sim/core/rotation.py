@@ -20,61 +20,77 @@ and angular velocities are in the world frame. Columns are the elements, so that
 vectors, except where (n, 4) is said.
 """
 
+from collision_sim.core.jit import law
 import numpy as np
 
 TINY = 1e-200                                # keeps 0 / 0 away
-INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion: the inverse
 
 
-def turn_matrix(q):
-    """Matrix (4, 4) with p @ matrix = quaternion product p q."""
-    x, y, z, w = q
-    return np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
+@law
+def product(p, q):
+    """Quaternion product p q, (4,) each: q turns first."""
+    r = np.empty(4)
+    r[0] = p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1]
+    r[1] = p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0]
+    r[2] = p[3] * q[2] + p[0] * q[1] - p[1] * q[0] + p[2] * q[3]
+    r[3] = p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2]
+    return r
 
 
+@law
 def cross(a, b):
-    """Vector products (3, n) of a (3, n) and b (3, n)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                     a[0] * b[1] - a[1] * b[0]])
+    """Vector product (3,)."""
+    c = np.empty(3)
+    c[0] = a[1] * b[2] - a[2] * b[1]
+    c[1] = a[2] * b[0] - a[0] * b[2]
+    c[2] = a[0] * b[1] - a[1] * b[0]
+    return c
 
 
+@law
 def exponential(vector):
     """
-    Quaternions of rotation vectors, and the factors of their angular velocities.
+    Quaternion of a rotation vector, and the factors of its angular velocity.
 
     Parameters
     ----------
-    vector : (3, n) float64 [rad]
+    vector : (3,) float64 [rad]
         Of any length.
 
     Returns
     -------
-    q : (4, n) float64 [-]
-    a, b : (n,) float64 [-]
+    q : (4,) float64 [-]
+    a, b : float [-]
         A rotation vector r that changes at the rate d turns at d + a r x d + b r x (r x d).
 
     """
     square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
     half = 0.5 * np.sqrt(square) + TINY
     cosine, ratio = np.cos(half), np.sin(half) / half
-    q = np.empty((4, len(square)))
-    q[:3] = 0.5 * ratio * vector
+    q = np.empty(4)
+    for k in range(3):
+        q[k] = 0.5 * ratio * vector[k]
     q[3] = cosine
     return q, 0.5 * ratio * ratio, (1.0 - ratio * cosine) / (square + TINY)
 
 
+@law
 def logarithm(q):
-    """Rotation vectors (n, 3) of unit quaternions (n, 4), the shortest way."""
-    q = np.where(q[:, 3:] < 0.0, -q, q)
-    sine = np.sqrt(np.square(q[:, :3]).sum(axis=1)) + TINY
-    return q[:, :3] * (2.0 * np.arctan2(sine, q[:, 3]) / sine)[:, None]
+    """Rotation vector (3,) of a unit quaternion (4,), the shortest way."""
+    sign = -1.0 if q[3] < 0.0 else 1.0
+    sine = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]) + TINY
+    return q[:3] * (sign * 2.0 * np.arctan2(sine, sign * q[3]) / sine)
 
 
+@law
 def turn_between(start, end):
     """Rotation vector (3,) from one orientation (4,) to another, the shortest way."""
-    return logarithm((end @ turn_matrix(start * INVERSE))[None])[0]
+    inverse = -start
+    inverse[3] = start[3]
+    return logarithm(product(end, inverse))
 
 
+@law
 def vector_rate(vector, angular_velocity):
     """
     Rate at which a rotation vector changes at an angular velocity.
@@ -92,8 +108,8 @@ def vector_rate(vector, angular_velocity):
         The inverse of the formula in `exponential`.
 
     """
-    square = float(vector @ vector)
-    half = 0.5 * square ** 0.5
+    square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+    half = 0.5 * np.sqrt(square)
     c = 1.0 / 12.0 if square < 1e-8 else (1.0 - half / np.tan(half)) / square
     across = cross(vector, angular_velocity)
     return angular_velocity - 0.5 * across + c * cross(vector, across)
@@ -113,11 +129,17 @@ def rotation_matrix(q):
     matrix : (..., 3, 3) float64 [-]
 
     """
-    x, y, z, w = np.moveaxis(np.asarray(q), -1, 0)
-    rows = [[1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    q = np.asarray(q, dtype=float)
+    x, y, z, w = (q[..., k] for k in range(4))
+    double_x, double_y, double_z = 2.0 * x, 2.0 * y, 2.0 * z
+    xx, yy, zz = double_x * x, double_y * y, double_z * z
+    xy, xz, yz = double_x * y, double_x * z, double_y * z
+    xw, yw, zw = double_x * w, double_y * w, double_z * w
+    matrix = np.empty(q.shape[:-1] + (3, 3))
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1.0 - (yy + zz), xy - zw, xz + yw
+    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = xy + zw, 1.0 - (xx + zz), yz - xw
+    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = xz - yw, yz + xw, 1.0 - (xx + yy)
+    return matrix
 
 
 def quaternion(matrix):

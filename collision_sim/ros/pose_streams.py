@@ -22,7 +22,7 @@ from collections import Counter
 from itertools import pairwise
 
 from collision_sim.core.held_pose import HeldPose
-from collision_sim.core.pose_stream import PoseError, PoseStream
+from collision_sim.core.pose_stream import PoseError, PoseStream, prepare
 from collision_sim.ros.messages import read_pose, SECOND
 
 AHEAD = 1.0     # s; a stamp further in the future is wrong
@@ -57,6 +57,8 @@ class PoseStreams:
         self.dropped = Counter()
         self._seconds = seconds
         self._streams = {name: PoseStream() for name in self.topics}
+        if self.topics:
+            prepare()
         self._held = {}         # HeldPose by collider while time stands still
 
     def set_times(self, delay, timeout):
