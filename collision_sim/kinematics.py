@@ -253,7 +253,8 @@ class Kinematics:
 def _rows(key, value, columns, count=None):
     """Value as finite rows of `columns` numbers, `count` of them if that is given."""
     try:
-        rows = np.atleast_2d(np.array(value, dtype=np.float64))
+        rows = np.array(value, dtype=np.float64)
+        rows = rows if rows.ndim > 1 else rows.reshape(1, -1)
     except (TypeError, ValueError):
         rows = np.empty((0, 0))
     if rows.ndim != 2 or rows.shape[1] != columns or len(rows) not in (count or len(rows), ) \
@@ -266,7 +267,7 @@ def _rows(key, value, columns, count=None):
 def _unit(key, value, count):
     """Rows of unit quaternions."""
     rows = _rows(key, value, 4, count)
-    norms = np.sqrt(np.square(rows).sum(axis=1, keepdims=True))
-    if not (np.abs(norms - 1.0) <= NORM_TOLERANCE).all():
+    norms = np.sqrt(np.einsum('ij,ij->i', rows, rows))[:, None]
+    if not np.abs(norms - 1.0).max() <= NORM_TOLERANCE:
         raise SceneError(key, value, f'must have norm 1 within {NORM_TOLERANCE}')
     return np.where(norms == 1.0, rows, rows / norms)

@@ -24,7 +24,7 @@ from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
 from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import POSE, SCRIPT
-from collision_sim.core.rotation import rotation_matrix
+from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, Present, RESTITUTION, SHAPES, SIZE
 from collision_sim.scene import Drag
@@ -117,7 +117,7 @@ def frames(scene):
 def pose_rows(frame, positions, orientations):
     """Rows of the table of poses, (S, 12), for positions (S, 3) and orientations (S, 4)."""
     rows = np.empty((len(positions), POSE))
-    rows[:, :9] = (rotation_matrix(orientations) @ frame).reshape(-1, 9)
+    rows[:, :9] = rotated_frames(np.asarray(orientations, dtype=float), frame)
     rows[:, 9:] = positions
     return rows
 

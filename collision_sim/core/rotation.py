@@ -130,16 +130,26 @@ def rotation_matrix(q):
 
     """
     q = np.asarray(q, dtype=float)
-    x, y, z, w = (q[..., k] for k in range(4))
-    double_x, double_y, double_z = 2.0 * x, 2.0 * y, 2.0 * z
-    xx, yy, zz = double_x * x, double_y * y, double_z * z
-    xy, xz, yz = double_x * y, double_x * z, double_y * z
-    xw, yw, zw = double_x * w, double_y * w, double_z * w
-    matrix = np.empty(q.shape[:-1] + (3, 3))
-    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1.0 - (yy + zz), xy - zw, xz + yw
-    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = xy + zw, 1.0 - (xx + zz), yz - xw
-    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = xz - yw, yz + xw, 1.0 - (xx + yy)
-    return matrix
+    return rotated_frames(q.reshape(-1, 4), np.eye(3)).reshape(*q.shape[:-1], 3, 3)
+
+
+@law
+def rotated_frames(q, frame):
+    """Rotation matrices of unit quaternions (n, 4), times a frame (3, 3), as rows (n, 9)."""
+    rows, m = np.empty((len(q), 9)), np.empty((3, 3))
+    for n in range(len(q)):
+        x, y, z, w = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
+        m[0, 0], m[0, 1], m[0, 2] = \
+            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+        m[1, 0], m[1, 1], m[1, 2] = \
+            2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+        m[2, 0], m[2, 1], m[2, 2] = \
+            2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+        for i in range(3):
+            for j in range(3):
+                rows[n, 3 * i + j] = \
+                    m[i, 0] * frame[0, j] + m[i, 1] * frame[1, j] + m[i, 2] * frame[2, j]
+    return rows
 
 
 def quaternion(matrix):
