@@ -137,6 +137,23 @@ def test_parameters_act_from_the_next_step_on():
     assert bounce(gravity=(0.0, 240.0, 0.0))[1] == 1.0
 
 
+def test_several_parameters_change_together_or_not_at_all():
+    """Those that hold only together may come in any order."""
+    sim = simulate([plane()], (0.0, 0.0, 1.0), friction={'dry': {'static': 0.4, 'kinetic': 0.3}})
+    scene = sim.scene
+    with pytest.raises(SceneError, match='gravity'):
+        sim.set_parameters([('restitution', 0.5), ('gravity', (nan, 0.0, 0.0))])
+    assert sim.scene is scene
+    lower = [('friction.dry.static', 0.2), ('friction.dry.kinetic', 0.1)]
+    higher = [('friction.dry.static', 0.9), ('friction.dry.kinetic', 0.8)]
+    for changes in (lower, higher, lower[::-1], higher[::-1]):
+        sim.set_parameters(changes)
+        assert all(sim.scene.parameters()[path].value == value for path, value in changes)
+    with pytest.raises(SceneError, match='kinetic|static'):
+        sim.set_parameters([('friction.dry.static', 0.1), ('restitution', 0.5)])
+    assert sim.scene.restitution == 0.0
+
+
 def test_parameters_that_the_start_left_out():
     """Friction and drag that were absent are compiled when they come."""
     sim = simulate([], (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), drag={'linear': 0.0})

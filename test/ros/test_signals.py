@@ -1,0 +1,108 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check 4 of ten, signals: at any moment and twice, the node ends with status 0; `--long`."""
+
+from pathlib import Path
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import collision_sim
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from geometry_msgs.msg import PoseArray  # noqa: E402, I100
+from harness import DEADLINE  # noqa: E402
+
+LONG = 20               # runs of each with --long
+NODE = '/collision_sim'
+SIGNALS = [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT),
+           (signal.SIGINT, signal.SIGTERM)]
+# Every tick is full: more steps are asked for than there is time for.
+LOAD = {'particles': {'count': 20_000, 'box': {'min': [-1, -1, 0], 'max': [1, 1, 2]}},
+        'friction': {'dry': 0.3}, 'colliders': [{'name': 'ground', 'shape': 'plane'}],
+        'stepping': {'dt': 1e-5}}
+IDLE = {'particles': {'position': [[0, 0, 1]]},
+        'colliders': [{'name': 'ground', 'shape': 'plane'}]}
+START = """
+import sys, types
+package = types.ModuleType('collision_sim')
+package.__path__ = sys.argv[1:2]
+sys.modules['collision_sim'] = package      # without what the package itself imports
+from collision_sim.ros.start import main
+print('ready', flush=True)
+sys.exit(main([]))
+"""
+
+
+@pytest.fixture
+def runs(request):
+    return range(LONG if request.config.getoption('--long') else 1)
+
+
+def names(signals):
+    return '+'.join(number.name for number in signals)
+
+
+def shared_memory():
+    """Segments of Fast DDS in shared memory; those of ports serve many processes."""
+    return {path for path in Path('/dev/shm').glob('fastrtps_*')
+            if re.fullmatch('fastrtps_[0-9a-f]+', path.name)}
+
+
+def mapped(process):
+    """Segments that another process has mapped, its own and those of its peers."""
+    maps = Path('/proc/%d/maps' % process.pid).read_text()
+    return {Path(path) for path in re.findall(r'/dev/shm/fastrtps_[0-9a-f]+', maps)}
+
+
+def end(process, signals, pause):
+    """Send the signals [s] apart, and check that the node ends well."""
+    for number in signals:
+        process.send_signal(number)
+        time.sleep(pause)
+    printed, _ = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 0 and 'Traceback' not in printed, printed
+
+
+@pytest.mark.parametrize('signals', SIGNALS, ids=names)
+@pytest.mark.parametrize('scene', [IDLE, LOAD], ids=['idle', 'full load'])
+def test_signals_end_the_node(run_node, peer, runs, scene, signals):
+    messages = peer.subscribe(PoseArray, NODE + '/particles', raw=True)
+    for run in runs:
+        before = shared_memory()
+        process = run_node(scene)
+        messages.clear()
+        peer.spin_until(lambda: len(messages) > 2, deadline=120.0)  # kernels may be compiled
+        files = mapped(process) - before
+        assert files
+        end(process, signals, random.Random(run).uniform(0.0, 0.01))
+        assert not any(path.exists() for path in files)
+
+
+@pytest.mark.parametrize('pause', [0.0, 0.1, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize('signals', SIGNALS[:3], ids=names)
+def test_signals_while_starting(runs, signals, pause):
+    folder = Path(collision_sim.__file__).parent
+    for run in runs:
+        process = subprocess.Popen([sys.executable, '-c', START, str(folder)], text=True,
+                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        process.stdout.readline()
+        time.sleep(0.01 + pause + 0.1 * run / LONG)
+        end(process, signals, random.Random(run).uniform(0.0, 0.01))
