@@ -86,8 +86,7 @@ def test_mutated_poses_leave_the_node_alive_and_no_larger(run_node, peer):
     publisher = peer.node.create_publisher(PoseStamped, 'paddle/pose', BURST)
     colliders = peer.subscribe(MarkerArray, NODE + '/colliders')
     diagnostics = peer.subscribe(DiagnosticArray, '/diagnostics')
-    peer.spin_until(lambda: publisher.get_subscription_count() and colliders and diagnostics,
-                    deadline=120.0)     # kernels may have to be compiled
+    peer.spin_until(lambda: publisher.get_subscription_count() and colliders and diagnostics)
     rng = np.random.default_rng(0)
 
     def valid():
@@ -120,6 +119,7 @@ def test_mutated_values_leave_the_node_alive(run_node, peer):
                         (Float64, 'stepping/iterations')):
         publisher = peer.node.create_publisher(kind, NODE + '/set/' + topic, BURST)
         peer.spin_until(lambda: publisher.get_subscription_count() > 0)
+        peer.spin_for(0.5)      # the node may know the publisher later than that the node
         send(peer, publisher, (mutated(serialize_message(kind()), rng) for _ in range(300)))
     diagnostics = peer.subscribe(DiagnosticArray, '/diagnostics')
     peer.spin_until(lambda: diagnostics)

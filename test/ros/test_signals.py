@@ -89,7 +89,7 @@ def test_signals_end_the_node(run_node, peer, runs, scene, signals):
         before = shared_memory()
         process = run_node(scene)
         messages.clear()
-        peer.spin_until(lambda: len(messages) > 2, deadline=120.0)  # kernels may be compiled
+        peer.spin_until(lambda: len(messages) > 2)
         files = mapped(process) - before
         assert files
         end(process, signals, random.Random(run).uniform(0.0, 0.01))
