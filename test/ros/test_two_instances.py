@@ -43,9 +43,10 @@ for k in range(2):
 """
 
 
-def test_namesakes_are_warned_of(run_node):
+def test_namesakes_are_warned_of(run_node, peer):
     processes = run_node(), run_node()
-    time.sleep(6.0)
+    peer.spin_until(lambda: peer.node.count_publishers('/collision_sim/particles') == 2)
+    time.sleep(5.0)     # a node looks around once, some seconds after its start
     printed = [stop_node(process) for process in processes]
     assert any('another node is called /collision_sim' in text for text in printed)
 
