@@ -84,6 +84,7 @@ def test_they_are_counted_in_the_diagnostics_and_warned_of_once(drive, capfd):
     publisher = driver.peer.create_publisher(PoseStamped, 'paddle/pose', 1000)
     driver.spin_until(lambda: publisher.get_subscription_count() > 0)
     driver.take('paddle', pose_message(driver.now, (-1, 0, 0.5)))
+    driver.spin_until(lambda: messages)
     bad = list(bad_poses(driver.now))
     expected = {}
     for reason, message in bad:
