@@ -26,7 +26,7 @@ from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED
 from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import FEW, step_blocks
 from collision_sim.core.strikes import strike_blocks
-from collision_sim.core.threads import share
+from collision_sim.core.threads import Crew, share
 from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 import numpy as np
@@ -98,14 +98,16 @@ class Coupling:
             self._stretch(parts, threads)
         if self._pairs:
             self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
-        share(step_blocks, threads if len(parts.accounts) > FEW else 1, self._plan_of(parts), 1, 0)
+        crew = self._crew_for(parts)
+        crew.run(threads if len(parts.accounts) > FEW else 1, len(parts.accounts), 1, 0)
 
-    def _plan_of(self, parts):
-        """Give the plan of a substep; that of the last one, where it is made of the same parts."""
+    def _crew_for(self, parts):
+        """Give the crew of a substep; that of the last one, where it works on the same parts."""
         if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
             self._parts = parts
-            self._plan = make_plan(parts._replace(candidates=self._candidates))
-        return self._plan
+            plan = make_plan(parts._replace(candidates=self._candidates))
+            self._crew = Crew(step_blocks, plan, stays=False)
+        return self._crew
 
     def _strike(self, parts, threads):
         """Take the collision stage against colliders; whether anybody has collided."""

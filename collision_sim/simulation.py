@@ -29,8 +29,8 @@ from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                       N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
-from collision_sim.core.stepping import BLOCK, FEW, step_blocks
-from collision_sim.core.threads import share
+from collision_sim.core.stepping import BLOCK, EVENT_BLOCK, FEW, step_blocks
+from collision_sim.core.threads import Crew, share
 from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
@@ -93,7 +93,8 @@ class Simulation:
         self._meshes = mesh_tables(scene)
         self._x = np.empty((3, len(scene.particles.position)))
         self._v = np.empty_like(self._x)
-        blocks = -(-self._x.shape[1] // BLOCK)
+        self._block = EVENT_BLOCK if scene.stepping.method == 'exact' else BLOCK
+        blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
         self._log = None
@@ -181,7 +182,7 @@ class Simulation:
         """
         Particles that were left inside a collider, as (particle, collider name, reason) tuples.
 
-        At most NOTES for every BLOCK particles since the start; the counter counts all.
+        At most NOTES for every block of particles since the start; the counter counts all.
         """
         names = [collider.name for collider in self.scene.colliders]
         found = []
@@ -312,7 +313,7 @@ class Simulation:
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
         if self.record_contacts != (self._log is not None):
-            rows = BLOCK * min(len(self._table), MOST_CONTACTS)
+            rows = self._block * min(len(self._table), MOST_CONTACTS)
             self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
             self._plan = None
@@ -331,8 +332,9 @@ class Simulation:
         threads = threads if len(self._accounts) > FEW else 1
         if self._plan is None or self._laid_out != colliders.laid_out:
             self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
+            self._crew = Crew(step_blocks, self._plan)
             self._laid_out = colliders.laid_out
-        share(step_blocks, threads, self._plan, steps, colliders.row)
+        self._crew.run(threads, len(self._accounts), steps, colliders.row)
 
     def _parts(self, rules, poses, motion):
         """Give what a plan is made of."""

@@ -30,10 +30,11 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 def touching(table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
     present = shapes.Present(1, 1, 1, 1, 1, None)
-    count, clear = x.shape[1], np.empty(x.shape[1])
+    count, clear = x.shape[1], np.ones(x.shape[1])
     found, distance = np.empty(count + 1, dtype=np.int64), np.empty(count)
-    n = blocks.find_touching(None, present, table, poses, 0, radius, None, x[0], x[1], x[2], clear,
-                             None, found)
+    blocks.clear_of_others(None, present, table, poses, 0, blocks.NONE, radius, None, x[0], x[1],
+                           x[2], clear, None)
+    n = blocks.collect(clear, found)
     for i in range(count):
         point = (x[0, i], x[1, i], x[2, i])
         distance[i] = shapes.signed_distance(present, table, poses, 0, 0, point)[0] - radius[i]
@@ -72,3 +73,24 @@ def test_nobody_inside_is_missed(shape, kind, side, gap, radius):
         assert (np.diff(found) > 0).all()
         if radius == 0.0:       # balls at an edge or a rim may be taken for touching
             assert (distance[found] < 1e-12 * scale).all()
+
+
+@njit
+def not_clear(x, new):
+    """Call kernels, which have no entry from Python: who is not finite."""
+    clear, found = np.empty(x.shape[1]), np.empty(x.shape[1] + 1, dtype=np.int64)
+    blocks.clear_if_finite(x[0], x[1], x[2], clear)
+    for k in range(2):      # a shape that is far away
+        for i in range(clear.shape[0]):
+            clear[i] = blocks._smaller(clear[i], new[k, i])
+    return found[:blocks.collect(clear, found)]
+
+
+def test_places_that_are_not_finite_are_not_clear():
+    """Whatever shapes are tested afterwards, and whatever they find."""
+    x = np.ones((3, 7))
+    x[0, 1], x[1, 3], x[2, 5], x[:2, 6] = np.nan, np.inf, -np.inf, (np.inf, -np.inf)
+    new = np.array([[2.0] * 7, [3.0] * 7])
+    assert not_clear(x, new).tolist() == [1, 3, 5, 6]
+    new[1, 1] = np.nan
+    assert not_clear(x, new).tolist() == [1, 3, 5, 6]

@@ -23,7 +23,7 @@ import pytest
 from small_scenes import EPSILON, G, METHODS, plane, simulate, UPRIGHT
 
 KEYS = ['collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided',
-        'pair_collisions', 'pair_contacts']
+        'pair_collisions', 'pair_contacts', 'frozen']
 QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
 
 
@@ -388,3 +388,36 @@ def test_radius_of_some():
     """The clearance is that of the balls."""
     sim = simulate([plane()], [(0.0, 0.0, 1.0), (0.0, 0.0, 1.0)], particles={'radius': [0.0, 0.3]})
     assert_array_equal(sim.clearance(), (1.0, 0.7))
+
+
+@pytest.mark.parametrize('ledger', [False, True], ids=['', 'ledger'])
+@pytest.mark.parametrize('drag', [{}, {'quadratic': 0.1}], ids=['free', 'drag'])
+@pytest.mark.parametrize('method', METHODS)
+def test_nothing_ceases_to_be_finite(method, drag, ledger):
+    """Who would overflow stays where it was, at rest, is counted, and later moves on."""
+    position = np.random.default_rng(2).uniform(0.0, 1.0, (40, 3))
+    sim = simulate([plane()], position, gravity=(0.0, 0.0, -1e300), dt=1e10, method=method,
+                   ledger=ledger, drag=drag)
+    sim.step(3)
+    assert_array_equal(sim.position, position)
+    assert_array_equal(sim.velocity, 0.0)
+    assert sim.counters['frozen'] == 3 * len(position)
+    sim.set_parameter('gravity', [0.0, 0.0, -1e-25])
+    sim.step()
+    assert (sim.position[:, 2] < position[:, 2]).all() and np.isfinite(sim.position).all()
+    assert sim.counters['frozen'] == 3 * len(position)
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_one_that_is_not_finite_harms_no_other(method):
+    """The others do what they do without it; it keeps the place that was written."""
+    position = np.random.default_rng(3).uniform(0.0, 0.1, (40, 3))
+    alone, together = (simulate([plane()], position, restitution=0.5, method=method)
+                       for _ in range(2))
+    together.position[7, 1] = nan
+    for sim in (alone, together):
+        sim.step(60)
+    others = np.arange(40) != 7
+    assert_array_equal(together.position[others], alone.position[others])
+    assert together.counters['frozen'] == 60 and alone.counters['frozen'] == 0
+    assert np.isnan(together.position[7, 1]) and (together.velocity[7] == 0.0).all()

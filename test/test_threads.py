@@ -18,7 +18,9 @@ import os
 from threading import current_thread, main_thread, Thread
 from time import sleep
 
-from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT, share
+from collision_sim.core.threads import (CLAIMED, Crew, DONE, ENTERED, fetch_add, FIRST, LEFT,
+                                        NO_PIECE, piece_of, post, SECOND, SERIAL, share, TICKET,
+                                        wait_for_job, wait_until_done)
 from numba import njit
 import numpy as np
 import pytest
@@ -36,6 +38,69 @@ def count_pieces(posted, counters, done, work):
         done[piece] += 1
         piece = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)
+
+
+@njit(nogil=True)
+def add_pieces(job, pieces, first, second, looks, done, work):
+    """Add the two numbers of a job to each entry of `done` that this thread claims."""
+    if pieces != NO_PIECE:
+        post(job, pieces, first, second)
+    serial = -1
+    while wait_for_job(job, serial, looks if pieces == NO_PIECE else 0):
+        ticket = fetch_add(job, TICKET, 1)
+        serial, piece = ticket >> SERIAL, piece_of(job, ticket)
+        while piece != NO_PIECE:
+            for k in range(work.shape[0]):
+                work[k] += 1.0 / (1.0 + piece)
+            done[piece] += job[FIRST] + job[SECOND]
+            fetch_add(job, DONE, 1)
+            piece = piece_of(job, fetch_add(job, TICKET, 1))
+    return wait_until_done(job, looks)
+
+
+@pytest.mark.parametrize('stays', [True, False])
+@pytest.mark.parametrize('threads', [1, 2, 5])
+@pytest.mark.parametrize('pieces', [0, 1, 3, 1000])
+def test_a_crew_does_each_piece_of_each_job_once(threads, pieces, stays):
+    """Job after job, whether its helpers have stayed or have gone meanwhile."""
+    done = np.zeros(pieces, dtype=np.int64)
+    crew = Crew(add_pieces, done, np.zeros(100), stays=stays)
+    for job in range(50):
+        crew.run(threads, pieces, job, 1)
+        if job % 20 == 0:
+            sleep(2e-3)
+    assert done.tolist() == [sum(range(1, 51))] * pieces
+
+
+def test_two_crews_at_once():
+    """Jobs of crews that work at the same time are not mixed up."""
+    done = np.zeros((4, 200), dtype=np.int64)
+
+    def work(mine):
+        crew = Crew(add_pieces, mine, np.zeros(100))
+        for job in range(50):
+            crew.run(3, len(mine), job, 0)
+
+    callers = [Thread(target=work, args=(row,)) for row in done]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join(30.0)
+    assert (done == sum(range(50))).all()
+
+
+@pytest.mark.jit
+def test_a_failing_helper_of_a_crew_is_noticed(capfd):
+    """Who called it is told; the traceback is printed."""
+    def fail(job, pieces, first, second, looks):
+        if current_thread() is not main_thread():
+            raise ZeroDivisionError
+        job[DONE] = 0
+        return False
+
+    with pytest.raises(RuntimeError, match='helper'):
+        Crew(fail).run(2, 5, 0, 0)
+    assert 'ZeroDivisionError' in capfd.readouterr().err
 
 
 def collect(threads, pieces):

@@ -24,11 +24,12 @@ by one by response.py.
 from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others_of,
                                             radius_at)
 from collision_sim.core.flight import affine, quadratic_factor
-from collision_sim.core.jit import kernel, widest_vectors
+from collision_sim.core.jit import kernel, prefetch, widest_vectors
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
 NONE = -1               # no collider to leave out
+LINE, TILE = 8, 64      # numbers in a cache line; particles between two bursts of prefetching
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 
@@ -49,68 +50,140 @@ def near_at(radius, i, margin):
 
 
 @kernel
-def _slow_block(quadratic, vx, vy, vz, factor):
-    """Half a step of quadratic drag on a block, if there is any; the formula of flight.slowed."""
+def _slowed_block(quadratic, vx, vy, vz, factor, ends):
+    """Half a step of quadratic drag from a block's velocities to `ends`; as flight.slowed."""
     if quadratic is not None:
         c, wx, wy, wz = quadratic[0], quadratic[1], quadratic[2], quadratic[3]
         for i in range(vx.shape[0]):
             ux, uy, uz = vx[i] - wx, vy[i] - wy, vz[i] - wz
             factor[i] = quadratic_factor(np.sqrt(ux * ux + uy * uy + uz * uz), c)
         for i in range(vx.shape[0]):
-            vx[i] = wx + factor[i] * (vx[i] - wx)
-        for i in range(vy.shape[0]):
-            vy[i] = wy + factor[i] * (vy[i] - wy)
-        for i in range(vz.shape[0]):
-            vz[i] = wz + factor[i] * (vz[i] - wz)
+            ends[0, i] = wx + factor[i] * (vx[i] - wx)
+            ends[1, i] = wy + factor[i] * (vy[i] - wy)
+            ends[2, i] = wz + factor[i] * (vz[i] - wz)
+    else:
+        for i in range(vx.shape[0]):
+            ends[0, i], ends[1, i], ends[2, i] = vx[i], vy[i], vz[i]
 
 
 @kernel
-def _fly_component(gains, end_shift, mean_shift, dt, x, v, old_x):
-    widest_vectors()
-    for i in range(x.shape[0]):
-        before = v[i]
-        old_x[i] = x[i]
-        x[i] = x[i] + dt * affine(gains, 1, before, mean_shift)
-        v[i] = affine(gains, 0, before, end_shift)
-
-
-@kernel
-def _copy(source, target):
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@kernel
-def fly_block(flight, x, y, z, vx, vy, vz, old, factor):
+def fly_block(flight, x, y, z, vx, vy, vz, new, factor):
     """
-    Move a block of particles by the candidate motion, in place; the formula of flight.fly.
+    Write the candidates of a block; the formula of flight.fly.
 
     Parameters
     ----------
     flight : Flight
         Coefficients of the step.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
-        Overwritten with the candidate.
-    old : (6, BLOCK) float64
-        Overwritten with position and velocity at the start of the step.
+        State at the start of the step.
+    new : (6, BLOCK) float64
+        Overwritten with position and velocity at its end.
     factor : (B,) float64
         Scratch.
 
     """
-    _copy(vx, old[3])
-    _copy(vy, old[4])
-    _copy(vz, old[5])
     end, mean, gains, dt = flight.end_shift, flight.mean_shift, flight.gains, flight.dt
-    _slow_block(flight.quadratic, vx, vy, vz, factor)
-    _fly_component(gains, end[0], mean[0], dt, x, vx, old[0])
-    _fly_component(gains, end[1], mean[1], dt, y, vy, old[1])
-    _fly_component(gains, end[2], mean[2], dt, z, vz, old[2])
-    _slow_block(flight.quadratic, vx, vy, vz, factor)
+    ends = new[3:]
+    _slowed_block(flight.quadratic, vx, vy, vz, factor, ends)
+    for i in range(x.shape[0]):
+        new[0, i] = x[i] + dt * affine(gains, 1, ends[0, i], mean[0])
+        new[1, i] = y[i] + dt * affine(gains, 1, ends[1, i], mean[1])
+        new[2, i] = z[i] + dt * affine(gains, 1, ends[2, i], mean[2])
+    for i in range(x.shape[0]):
+        ends[0, i] = affine(gains, 0, ends[0, i], end[0])
+        ends[1, i] = affine(gains, 0, ends[1, i], end[1])
+        ends[2, i] = affine(gains, 0, ends[2, i], end[2])
+    if flight.quadratic is not None:
+        n = x.shape[0]
+        _slowed_block(flight.quadratic, ends[0][:n], ends[1][:n], ends[2][:n], factor, ends)
+
+
+@kernel
+def _place_component(gains, mean_shift, dt, ahead, x, v, new):
+    """Write the candidates of one component, and prefetch the block that is next meanwhile."""
+    widest_vectors()
+    for tile in range((x.shape[0] + TILE - 1) // TILE):
+        first = TILE * tile
+        size = min(TILE, x.shape[0] - first)
+        for i in range(0, size, LINE):
+            prefetch(x, first + ahead + i)
+            prefetch(v, first + ahead + i)
+        for i in range(size):
+            j = np.uint64(first + i)        # Numba lets a signed index count from the end
+            new[j] = x[j] + dt * affine(gains, 1, v[j], mean_shift)
+
+
+@kernel
+def place_block(flight, ahead, x, y, z, vx, vy, vz, new):
+    """
+    Write the candidate positions of a block; `fly_block` without quadratic drag and velocities.
+
+    Parameters
+    ----------
+    flight, x, y, z, vx, vy, vz, new
+        As in `fly_block`; only positions are written.
+    ahead : int
+        How far behind the particles of the block those begin that are prefetched.
+
+    """
+    mean, gains, dt = flight.mean_shift, flight.gains, flight.dt
+    _place_component(gains, mean[0], dt, ahead, x, vx, new[0])
+    _place_component(gains, mean[1], dt, ahead, y, vy, new[1])
+    _place_component(gains, mean[2], dt, ahead, z, vz, new[2])
+
+
+@kernel
+def _copy(source, target):
+    widest_vectors()
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
+def take_places(x, y, z, new):
+    """Take the positions of a block from `new` (6, BLOCK)."""
+    _copy(new[0], x)
+    _copy(new[1], y)
+    _copy(new[2], z)
+
+
+@kernel
+def _gain_component(gains, end_shift, clear, v):
+    widest_vectors()
+    for i in range(v.shape[0]):
+        after = affine(gains, 0, v[i], end_shift)
+        v[i] = after if clear[i] >= 0.0 else v[i]
+
+
+@kernel
+def gain_velocities(flight, clear, vx, vy, vz):
+    """Give a block the velocities at the end of its flight, but for those that are not clear."""
+    end, gains = flight.end_shift, flight.gains
+    _gain_component(gains, end[0], clear, vx)
+    _gain_component(gains, end[1], clear, vy)
+    _gain_component(gains, end[2], clear, vz)
+
+
+@kernel
+def _copy_if_clear(clear, source, target):
+    widest_vectors()
+    for i in range(target.shape[0]):
+        target[i] = source[i] if clear[i] >= 0.0 else target[i]
+
+
+@kernel
+def take_velocities(clear, vx, vy, vz, new):
+    """Take the velocities of a block from `new` (6, BLOCK), but for those that are not clear."""
+    _copy_if_clear(clear, new[3], vx)
+    _copy_if_clear(clear, new[4], vy)
+    _copy_if_clear(clear, new[5], vz)
 
 
 @kernel
 def _smaller(a, b):
-    return a if a < b else b
+    """Give the smaller number; NaN where the first one is."""
+    return b if b < a else a
 
 
 @kernel
@@ -226,19 +299,42 @@ def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y,
 
 
 @kernel
-def path_lengths(x, y, z, old, radius, lengths):
+def path_lengths(x, y, z, new, radius, lengths):
     """Write the length of each path of a block, plus the radius, to `lengths` (B,) [m]."""
     for i in range(x.shape[0]):
-        dx, dy, dz = x[i] - old[0, i], y[i] - old[1, i], z[i] - old[2, i]
+        dx, dy, dz = new[0, i] - x[i], new[1, i] - y[i], new[2, i] - z[i]
         lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)
 
 
 @kernel
-def _clear_all(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells):
-    """Write how clear particles are of all colliders but one; negative: may touch."""
+def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear,
+                    cells):
+    """
+    Lower `clear` to how clear the particles of a block are of all colliders but meshes and one.
+
+    Parameters
+    ----------
+    grid : broad_phase.Grid or None
+        None in scenes of few colliders.
+    present, table, poses
+        As in shapes.signed_distance.
+    end : int
+        Row of poses at the end of the step.
+    skip : int
+        Collider that is left out, or NONE.
+    radius : (B,) float64 [m] or None
+        Of the particles of the block; with sweeps also the length of their paths.
+    margins : (C,) float64 [m] or None
+        With sweeps, how far each collider came.
+    x, y, z : (B,) float64 [m]
+        Candidate positions.
+    clear : (B,) float64
+        Negative afterwards where a particle may touch a collider; NaN stays.
+    cells : (B,) float64
+        Scratch.
+
+    """
     chosen = others_of(grid)
-    for i in range(clear.shape[0]):
-        clear[i] = 1.0
     _clear_planes(present.planes, table, poses[end], chosen, skip, radius, margins, x, y, z,
                   clear)
     _clear_spheres(present.spheres, table, poses[end], chosen, skip, radius, margins, x, y, z,
@@ -253,44 +349,33 @@ def _clear_all(grid, present, table, poses, end, skip, radius, margins, x, y, z,
 
 
 @kernel
-def clear_of_others(grid, present, table, poses, end, c, radius, x, y, z, clear, cells):
-    """Write how clear particles are of all colliders but c, as in `find_touching`."""
-    _clear_all(grid, present, table, poses, end, c, radius, None, x, y, z, clear, cells)
+def clear_if_finite(x, y, z, clear):
+    """Write 1 to `clear` (B,), but NaN where a place is not finite; a velocity soon shows there."""
+    widest_vectors()
+    for i in range(clear.shape[0]):
+        clear[i] = 1.0 + 0.0 * (x[i] + y[i] + z[i])
 
 
 @kernel
-def find_touching(grid, present, table, poses, end, radius, margins, x, y, z, clear, cells,
-                  touching):
+def collect(clear, touching):
     """
-    Particles of a block that may be inside a collider.
+    Find the particles of a block that are not clear.
 
     Parameters
     ----------
-    grid : broad_phase.Grid or None
-        None in scenes of few colliders.
-    present, table, poses
-        As in shapes.signed_distance.
-    end : int
-        Row of poses at the end of the step.
-    radius : (B,) float64 [m] or None
-        Of the particles of the block; with sweeps also the length of their paths.
-    margins : (C,) float64 [m] or None
-        With sweeps, how far each collider came.
-    x, y, z : (B,) float64 [m]
-        Candidate positions.
-    clear, cells, touching : (B,) float64, (B,) float64, (B,) int64
-        Scratch, and the result: which particles of the block, ascending.
+    clear : (B,) float64
+        Negative or NaN: not clear.
+    touching : (B + 1,) int64
+        Overwritten with their numbers, ascending.
 
     Returns
     -------
     count : int
-        How many entries of `touching` are set.
+        How many.
 
     """
-    _clear_all(grid, present, table, poses, end, NONE, radius, margins, x, y, z, clear,
-               cells)
     count = 0
     for i in range(clear.shape[0]):
         touching[count] = i
-        count += clear[i] < 0.0
+        count += not clear[i] >= 0.0
     return count

@@ -292,7 +292,7 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y,
     skip : int
         Collider that is left out.
     radius, margins, x, y, z, clear
-        As in blocks.find_touching.
+        As in blocks.clear_of_others.
     cells : (B,) float64
         Scratch, not used with margins.
 

@@ -68,39 +68,43 @@ def fly_freely(flight, v, ledger, block_size, candidates):
 
 
 @kernel
-def move_block(candidates, flight, first, x, y, z, vx, vy, vz, old, factor):
+def is_lean(candidates, ledger, quadratic):
+    """1 if candidates need no velocities: free flights without quadratic drag that nobody books."""
+    if candidates is None:
+        if ledger is None:
+            if quadratic is None:
+                return 1
+    return None
+
+
+@kernel
+def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, factor):
     """
-    Move a block of particles to their candidates, in place, as blocks.fly_block does.
+    Write the candidates of a block: its free flights, which are booked, or what is laid out.
 
     Parameters
     ----------
     candidates : Candidates or None
         None for free flights.
-    flight, x, y, z, vx, vy, vz, old, factor
+    ledger : ledger.Ledger or None
+        Where free flights are booked; candidates have been before.
+    flight, x, y, z, vx, vy, vz, new, factor
         As in blocks.fly_block.
-    first : int
-        Index of the first particle of the block.
+    block, first : int
+        Which one, and the index of its first particle.
 
     """
     if candidates is not None:
         u, w = candidates.u, candidates.w
         for i in range(x.shape[0]):
             k = first + i
-            old[0, i], old[1, i], old[2, i] = x[i], y[i], z[i]
-            old[3, i], old[4, i], old[5, i] = vx[i], vy[i], vz[i]
-            x[i] = x[i] + flight.dt * u[0, k]
-            y[i] = y[i] + flight.dt * u[1, k]
-            z[i] = z[i] + flight.dt * u[2, k]
-            vx[i], vy[i], vz[i] = w[0, k], w[1, k], w[2, k]
+            new[0, i] = x[i] + flight.dt * u[0, k]
+            new[1, i] = y[i] + flight.dt * u[1, k]
+            new[2, i] = z[i] + flight.dt * u[2, k]
+            new[3, i], new[4, i], new[5, i] = w[0, k], w[1, k], w[2, k]
     else:
-        fly_block(flight, x, y, z, vx, vy, vz, old, factor)
-
-
-@kernel
-def book_free_flights(candidates, ledger, dt, block, first, old, x, y, z, vx, vy, vz):
-    """Book the flights of a block, unless the candidates have been booked before."""
-    if candidates is None:
-        book_flights(ledger, dt, block, first, old, x, y, z, vx, vy, vz)
+        fly_block(flight, x, y, z, vx, vy, vz, new, factor)
+        book_flights(ledger, flight.dt, block, first, x, y, z, vx, vy, vz, new)
 
 
 @inlined

@@ -42,18 +42,18 @@ from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book, book_collision, book_flight, book_impulse, book_shift,
                                        kinetic, REPULSED, RESTITUTED)
 from collision_sim.core.paths import state_at
-from collision_sim.core.placing import note_unplaced, push_out
+from collision_sim.core.placing import freeze, note_unplaced, push_out
 from collision_sim.core.response import record, resolve
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_CONTACT, N_FAIL_SAFE,
                                       N_LOGGED, N_UNDECIDED, NONE, SLIDE, STICK, Touch)
 from collision_sim.core.shapes import RESTITUTION, SIDE
-from collision_sim.core.stepping import BLOCK
+from collision_sim.core.stepping import EVENT_BLOCK
 from collision_sim.core.surfaces import FACES, faces, gap_to, touching_depth
 from collision_sim.core.sustained import (choose_mode, FLIES, NOBODY, normal_at, normal_forces,
                                           onto_surfaces, opening, pull, resting_place, RESTS,
                                           SLIDES, square_up, touched, ZERO)
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
-from collision_sim.core.vectors import add, add_scaled, dot, EPSILON, length, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, EPSILON, is_finite, length, subtract
 from numba import njit
 import numpy as np
 
@@ -299,6 +299,22 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
     return x, v
 
 
+@kernel
+def _step_particle(rules, forces, here, table, poses, motion, courses, work, log, accounts, notes,
+                   ledger, duration, x0, v0):
+    """Take one particle through a step; place and velocity."""
+    u, w = fly(rules.flight, v0)
+    if not is_finite(add_scaled(x0, duration, u), w):
+        return freeze(accounts, here.block, x0)
+    if _is_inside(rules, forces, here, table, poses, courses, duration, x0, v0):
+        _book_candidate(ledger, rules, here, v0)
+        x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger)
+    else:
+        x1, v1 = go_through(rules, forces, here, table, poses, motion, courses, work, log,
+                            accounts, notes, ledger, duration, x0, v0)
+    return (x1, v1) if is_finite(x1, v1) else freeze(accounts, here.block, x0)
+
+
 @njit(cache=True, error_model='numpy', nogil=True)
 def step_events(posted, counters, rules, forces, duration, steps, table, poses, motion, courses,
                 radius, log, accounts, notes, x, v, ledger):
@@ -328,17 +344,12 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         for step in range(steps):
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
-            for i in range(block * BLOCK, min((block + 1) * BLOCK, x.shape[1])):
+            for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
                 here = Here(step, start, end, block, i, radius_at(radius, i), None)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
-                if _is_inside(rules, forces, here, table, poses, courses, duration, x0, v0):
-                    _book_candidate(ledger, rules, here, v0)
-                    x0, v0 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0,
-                                     v0, ledger)
-                else:
-                    x0, v0 = go_through(rules, forces, here, table, poses, motion, courses, work,
+                x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
                                         log, accounts, notes, ledger, duration, x0, v0)
-                x[0, i], x[1, i], x[2, i] = x0
-                v[0, i], v[1, i], v[2, i] = v0
+                x[0, i], x[1, i], x[2, i] = x1
+                v[0, i], v[1, i], v[2, i] = v1
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

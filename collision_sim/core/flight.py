@@ -102,8 +102,9 @@ def flight_coefficients(gravity, drag, dt, flight):
     k = drag.linear if drag else 0.0
     wind = np.array(drag.wind if drag else (0.0, 0.0, 0.0), dtype=np.float64)
     e0, e1, e2 = decay(k * dt)
-    end = g * (dt * e1) + wind * (k * dt * e1)
-    mean = g * (dt * e2) + wind * (k * dt * e2)
+    with np.errstate(over='ignore', invalid='ignore'):      # such particles are frozen
+        end = g * (dt * e1) + wind * (k * dt * e1)
+        mean = g * (dt * e2) + wind * (k * dt * e2)
     if flight == 'symplectic_euler':
         e1, mean = e0, end
     gains = (e0, e1) if k > 0.0 else None

@@ -24,8 +24,11 @@ A `law` is a formula that people also call with arrays, which it then allocates.
 NUMBA_DISABLE_JIT=1 turns all of them into plain Python.
 """
 
+from llvmlite import ir
 from numba import config, njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 LAW = {'cache': True, 'error_model': 'numpy'}
 FORMULA = {**LAW, '_nrt': False}
@@ -40,6 +43,9 @@ inlined = njit(**KERNEL, forceinline=True)
 if config.DISABLE_JIT:
     def widest_vectors():
         """Do nothing: there are no vector instructions."""
+
+    def prefetch(array, index):
+        """Do nothing: there is no hurry."""
 else:
     @intrinsic
     def widest_vectors(typing_context):
@@ -53,3 +59,23 @@ else:
             set.add(builder.function.attributes, '"prefer-vector-width"="512"')
             return context.get_dummy_value()
         return types.none(), generate
+
+    @intrinsic
+    def prefetch(typing_context, array, index):
+        """
+        Ask for the cache line of an entry of an array that will soon be read and written.
+
+        The index may be beyond the array: nothing is read.
+        """
+        def generate(context, builder, signature, arguments):
+            entries = make_array(signature.args[0])(context, builder, arguments[0])
+            place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
+                                             [arguments[1]], wraparound=False)
+            flag = ir.IntType(32)
+            function = cgutils.get_or_insert_function(
+                builder.module, ir.FunctionType(ir.VoidType(), [place.type, flag, flag, flag]),
+                'llvm.prefetch.p0')
+            write, soon, data = 1, 3, 1
+            builder.call(function, [place, flag(write), flag(soon), flag(data)])
+            return context.get_dummy_value()
+        return types.none(array, types.intp), generate

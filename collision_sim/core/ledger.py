@@ -141,13 +141,13 @@ def book_flight(ledger, here, dt, v, u, w, sign):
 
 
 @kernel
-def book_flights(ledger, dt, block, first, old, x, y, z, vx, vy, vz):
-    """Book the flights of a block, from `old` (6, BLOCK) to the candidates."""
+def book_flights(ledger, dt, block, first, x, y, z, vx, vy, vz, new):
+    """Book the flights of a block, to the candidates in `new` (6, BLOCK)."""
     if ledger is not None:
         work = drag = error = px = py = pz = qx = qy = qz = 0.0
         for i in range(x.shape[0]):
-            v, w = (old[3, i], old[4, i], old[5, i]), (vx[i], vy[i], vz[i])
-            dx = (x[i] - old[0, i], y[i] - old[1, i], z[i] - old[2, i])
+            v, w = (vx[i], vy[i], vz[i]), (new[3, i], new[4, i], new[5, i])
+            dx = (new[0, i] - x[i], new[1, i] - y[i], new[2, i] - z[i])
             one, two, three, impulse = _flight_parts(ledger, dt, v, dx, w)
             m = weight_of(ledger.weight, first + i)
             work, drag, error = work + m * one, drag + m * two, error + m * three

@@ -35,7 +35,7 @@ from collision_sim.core.vectors import length, origin, subtract
 
 
 @kernel
-def _near_along(k, heads, m, poses, start, end, c, radius, margin, ox, oy, oz, x, y, z, near):
+def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
     """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
     low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
     a0, a1, a2 = poses[start, c, k], poses[start, c, 3 + k], poses[start, c, 6 + k]
@@ -43,8 +43,8 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, ox, oy, oz, x
     a3 = a0 * poses[start, c, 9] + a1 * poses[start, c, 10] + a2 * poses[start, c, 11]
     b3 = b0 * poses[end, c, 9] + b1 * poses[end, c, 10] + b2 * poses[end, c, 11]
     for i in range(x.shape[0]):
-        a = a0 * ox[i] + a1 * oy[i] + a2 * oz[i] - a3
-        b = b0 * x[i] + b1 * y[i] + b2 * z[i] - b3
+        a = a0 * x[i] + a1 * y[i] + a2 * z[i] - a3
+        b = b0 * new[0, i] + b1 * new[1, i] + b2 * new[2, i] - b3
         r = radius_at(radius, i)
         least, most = (a if a < b else b) - r, (a if a > b else b) + r
         gap = least - high if least - high > low - most else low - most
@@ -52,13 +52,12 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, ox, oy, oz, x
 
 
 @kernel
-def _near_box(heads, m, poses, start, end, c, radius, margin, old, x, y, z, near):
+def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
     """Write to near (B,) how far each way is from the box of a mesh; 0 or less: it may meet it."""
     for i in range(x.shape[0]):
         near[i] = 0.0
     for k in range(3):
-        _near_along(k, heads, m, poses, start, end, c, radius, margin, old[0], old[1], old[2], x,
-                    y, z, near)
+        _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near)
 
 
 @kernel
@@ -100,17 +99,17 @@ def _touches(meshes, m, side, a, b, radius, skin, sagitta):
 
 
 @kernel
-def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, old, x, y, z,
+def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y, z, new,
                 clear, near):
     """Lower `clear` below 0 for the particles of a block that may touch mesh c."""
     m, side = mesh_of(table, c), side_of(meshes, table, c)
     skin = skin_of(meshes, table, poses, start, end, c)
     turns = _sagitta(sweep, motion, step, c, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)) > 0.0
     margin = inf if turns or side < 0.0 else skin
-    _near_box(meshes.heads, m, poses, start, end, c, radius, margin, old, x, y, z, near)
+    _near_box(meshes.heads, m, poses, start, end, c, radius, margin, x, y, z, new, near)
     for i in range(x.shape[0]):
         if near[i] <= 0.0 and clear[i] >= 0.0:
-            x0, x1 = (old[0, i], old[1, i], old[2, i]), (x[i], y[i], z[i])
+            x0, x1 = (x[i], y[i], z[i]), (new[0, i], new[1, i], new[2, i])
             arm = subtract(x0, origin(poses, start, c))
             sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
             if _touches(meshes, m, side, to_frame(poses, start, c, x0),
@@ -119,10 +118,10 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
 
 
 @kernel
-def touch_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, old, x, y, z,
-                 clear, near, touching, count):
+def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z, new,
+                    clear, near):
     """
-    Add to the particles of a block that may touch something those that may touch a mesh.
+    Lower `clear` below 0 for the particles of a block that may touch a mesh.
 
     Parameters
     ----------
@@ -132,26 +131,14 @@ def touch_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, 
         As in step_block.
     step, start, end : int
         Row of motion, rows of poses at the start and at the end of the step.
-    radius, old, x, y, z
-        Of the block.
-    clear, touching, count
-        As left by blocks.find_touching; the first two are written.
+    radius, x, y, z, new, clear
+        Of the block, as in step_block.
     near : (B,) float64
         Scratch.
-
-    Returns
-    -------
-    count : int
-        How many entries of `touching` are set.
 
     """
     if meshes is not None:
         for c in range(table.shape[0]):
             if table[c, KIND] == MESH:
-                _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, old,
-                            x, y, z, clear, near)
-        count = 0
-        for i in range(clear.shape[0]):
-            touching[count] = i
-            count += clear[i] < 0.0
-    return count
+                _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y,
+                            z, new, clear, near)

@@ -22,7 +22,7 @@ gets out.
 from collision_sim.core.detection import deepest, is_path_clear, is_same_surface
 from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
-from collision_sim.core.rules import N_FAIL_SAFE, N_UNPLACED, NONE, NOTES, PARALLEL, PUSHES
+from collision_sim.core.rules import N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL, PUSHES
 from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, origin, subtract
 
 
@@ -119,3 +119,19 @@ def note_unplaced(here, accounts, notes, c, other):
         notes[here.block, seat, 0], notes[here.block, seat, 1] = here.particle, c
         notes[here.block, seat, 2] = other
     accounts[here.block, N_UNPLACED] = seat + 1
+
+
+@kernel
+def freeze(accounts, block, x0):
+    """
+    Leave a particle where a step began, at rest, and count it: it would not be finite any more.
+
+    It moves on once what drove it out of the range of numbers is gone.
+
+    Returns
+    -------
+    x1, w : (3,) tuple of float [m], [m/s]
+
+    """
+    accounts[block, N_FROZEN] += 1
+    return x0, (0.0, 0.0, 0.0)

@@ -39,11 +39,12 @@ from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, LARGE_SQU
 
 CHUNK = 64                  # particles answered at a time
 LANES = 8                   # a multiple of the numbers in a vector register
+REACH = 2.0                 # paths to the candidate: the most by which the contact stage moves one
 # Rows of the scratch, CHUNK numbers each; one flat array, so that LLVM knows what may overlap:
-# place and velocity, which particle, its radius; candidate; where it touched, change of velocity,
-# normal velocity of the collision; what happened.
-PLACE, VELOCITY, WHICH, RADIUS, BETWEEN, TOUCHED, CHANGED = 0, 3, 6, 7, 8, 11, 14
-SPEED, DONE, ROWS = 17, 18, 19
+# place and velocity, which particle, its radius, radius and reach, candidate; where it touched,
+# change of velocity, normal velocity of the collision; what happened.
+PLACE, VELOCITY, WHICH, RADIUS, NEAR, BETWEEN, TOUCHED, CHANGED = 0, 3, 6, 7, 8, 9, 12, 15
+SPEED, DONE, ROWS = 18, 19, 20
 LEFT, HIT, PRESSED, STUCK = -1.0, 1.0, 2.0, 4.0     # left to `resolve`, or a sum of the others
 
 
@@ -83,6 +84,12 @@ def _pushed(poses, end, c, radius, n, x, k):
     return x, True
 
 
+@inlined
+def _span(a):
+    """Sum of the components of a vector, which is at least its length and has no square."""
+    return abs(a[0]) + abs(a[1]) + abs(a[2])
+
+
 @kernel
 def _read(s, row, i):
     """Vector of particle i of a chunk, from three rows of the scratch."""
@@ -93,6 +100,16 @@ def _read(s, row, i):
 def _write(s, row, i, a):
     """Write a vector of particle i of a chunk to three rows of the scratch."""
     s[row * CHUNK + i], s[(row + 1) * CHUNK + i], s[(row + 2) * CHUNK + i] = a
+
+
+@kernel
+def _is_still(motion, step, c):
+    """Whether a plane does not move in this step: the velocities of its points are 0 exactly."""
+    if motion is not None:
+        for k in range(motion.shape[2]):
+            if motion[step, c, k] != 0.0:
+                return False
+    return True
 
 
 @inlined
@@ -162,6 +179,7 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
         place, nearer = _pushed(poses, end, c, r, n, place, 1)
         calm = approach(u2, chord, n) == 0.0 and u_n < 0.0 and near and nearer
         calm = calm and _height(poses, end, c, place) - r >= 0.0 and plain and plainer
+        calm = calm and _span(subtract(place, _read(s, BETWEEN, i))) <= s[NEAR * CHUNK + i] - r
         inside, change = done >= PRESSED, subtract(w2, w)
         fits = gap >= -rounding and (calm or not inside)
         pressed = done + (STUCK if inside and stuck else 0.0)
@@ -175,43 +193,37 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
 
 
 @kernel
-def _answer_chunk(rules, table, poses, motion, step, start, end, c, s, count):
-    """Answer the particles of a chunk, in loops without branches; whether any collides."""
-    hits = _find_hits(poses, motion, step, start, end, c, s, count) > 0
-    if hits:
-        _collide(rules, table, poses, motion, step, start, end, c, s, count)
-    _press(rules, table, poses, motion, step, start, end, c, s, count)
-    return hits
+def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
+    """
+    Leave those particles to `resolve` that may touch a collider other than plane c.
 
-
-@kernel
-def _leave_if_touching(grid, present, table, poses, end, c, row, s, count, clear, cells):
-    """Leave those particles to `resolve` that touch a collider other than plane c."""
+    Tested are their candidates, with a margin for how far the contact stage may move them.
+    """
     if table.shape[0] > 1:
-        k = row * CHUNK
+        k = BETWEEN * CHUNK
+        for i in range(count):
+            clear[i] = 1.0
         clear_of_others(grid, present, table, poses, end, c,
-                        s[RADIUS * CHUNK:RADIUS * CHUNK + count], s[k:k + count],
+                        s[NEAR * CHUNK:NEAR * CHUNK + count], None, s[k:k + count],
                         s[k + CHUNK:k + CHUNK + count],
                         s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count], cells)
         for i in range(count):
-            s[DONE * CHUNK + i] = LEFT if clear[i] < 0.0 else s[DONE * CHUNK + i]
+            s[DONE * CHUNK + i] = s[DONE * CHUNK + i] if clear[i] >= 0.0 else LEFT
 
 
 @kernel
-def _count_and_log(log, accounts, block, particle, c, poses, end, s, i, done):
-    """Count what happened to a particle, and log its contact."""
-    hit, pressed = s[SPEED * CHUNK + i] < 0.0, done >= PRESSED
-    accounts[block, N_COLLISION] += hit
-    accounts[block, N_CONTACT] += pressed
+def _log(log, block, row, particle, c, poses, end, s, i, done):
+    """Log the contact of a particle, if anybody wants it; the rows it takes."""
     if log is not None:
-        row = accounts[block, N_LOGGED]
+        hit = s[SPEED * CHUNK + i] < 0.0
         state = COLLISION if hit else STICK if done >= STUCK else SLIDE
         log[block, row, 0], log[block, row, 1], log[block, row, 2] = particle, c, state
         for d in range(3):
             log[block, row, POINT + d] = s[(TOUCHED + d) * CHUNK + i]
             log[block, row, NORMAL + d] = poses[end, c, 2 + 3 * d]
             log[block, row, CHANGE + d] = s[(CHANGED + d) * CHUNK + i]
-        accounts[block, N_LOGGED] = row + 1
+        return 1
+    return 0
 
 
 @kernel
@@ -231,15 +243,8 @@ def _padded(s, count):
 
 
 @kernel
-def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
-                  vy, vz, s, count, clear, cells, touching, left):
-    """Answer a chunk and write what is settled; how many particles are left, with the others."""
-    if count == 0:
-        return left
-    for i in range(count):
-        s[DONE * CHUNK + i] = 0.0
-    _leave_if_touching(grid, rules.present, table, poses, here.end, c, BETWEEN, s, count, clear,
-                       cells)
+def _keep(s, count, touching, left):
+    """Close the gaps of those of a chunk that are left; how many are kept, and are left in all."""
     kept = 0
     for i in range(count):
         if s[DONE * CHUNK + i] == LEFT:
@@ -249,27 +254,54 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
             if kept < i:
                 _copy_rows(s, i, kept)
             kept += 1
-    if _answer_chunk(rules, table, poses, motion, here.step, here.start, here.end, c, s,
-                     _padded(s, kept)):
-        _leave_if_touching(grid, rules.present, table, poses, here.end, c, BETWEEN, s, kept, clear,
-                           cells)
-    _leave_if_touching(grid, rules.present, table, poses, here.end, c, PLACE, s, kept, clear,
-                       cells)
-    for i in range(kept):
+    return kept, left
+
+
+@kernel
+def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells):
+    """Answer the particles of a chunk, in loops without branches."""
+    step, start, end, full = here.step, here.start, here.end, _padded(s, count)
+    if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
+        _collide(rules, table, poses, motion, step, start, end, c, s, full)
+        _leave_if_near(grid, rules.present, table, poses, end, c, s, count, clear, cells)
+    _press(rules, table, poses, motion, step, start, end, c, s, full)
+
+
+@kernel
+def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, vx, vy, vz,
+                  new, s, count, clear, cells, touching, left):
+    """Answer a chunk and write what is settled; how many particles are left, with the others."""
+    for i in range(count):
+        s[DONE * CHUNK + i] = 0.0
+    _leave_if_near(grid, rules.present, table, poses, here.end, c, s, count, clear, cells)
+    count, left = _keep(s, count, touching, left)
+    if count == 0:
+        return left
+    if _is_still(motion, here.step, c):
+        _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells)
+    else:
+        _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells)
+    row, hits, contacts = accounts[here.block, N_LOGGED], 0, 0
+    for i in range(count):
         j, done = int(s[WHICH * CHUNK + i]), s[DONE * CHUNK + i]
         if done == LEFT:
             touching[left] = j
             left += 1
         else:
-            x[j], y[j], z[j] = _read(s, PLACE, i)
+            new[0, j], new[1, j], new[2, j] = _read(s, PLACE, i)
             vx[j], vy[j], vz[j] = _read(s, VELOCITY, i)
-            _count_and_log(log, accounts, here.block, first + j, c, poses, here.end, s, i, done)
+            row += _log(log, here.block, row, first + j, c, poses, here.end, s, i, done)
+            hits += s[SPEED * CHUNK + i] < 0.0
+            contacts += done >= PRESSED
+    accounts[here.block, N_COLLISION] += hits
+    accounts[here.block, N_CONTACT] += contacts
+    accounts[here.block, N_LOGGED] = row
     return left
 
 
 @kernel
-def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, old, x, y,
-                  z, vx, vy, vz, s, clear, cells, touching, count):
+def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
+                  vx, vy, vz, new, s, clear, cells, touching, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
@@ -285,10 +317,10 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         Of the particles of the block.
     first : int
         Index of the first particle of the block.
-    old : (6, B) float64
-        State at the start of the step.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
-        Candidates; overwritten where a particle is answered.
+        State at the start of the step; the velocities are overwritten where one is answered.
+    new : (6, BLOCK) float64
+        Candidates; the positions are overwritten where one is answered.
     s : (ROWS * CHUNK,) float64
         Scratch.
     clear, cells : (B,) float64
@@ -312,20 +344,22 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         for k in range(count):
             j = touching[k]
             r = radius_at(radius, j)
-            if _height(poses, here.end, c, (x[j], y[j], z[j])) - r >= 0.0:
+            x0, x1 = (x[j], y[j], z[j]), (new[0, j], new[1, j], new[2, j])
+            if not _height(poses, here.end, c, x1) - r < 0.0:
                 touching[left] = j
                 left += 1
                 continue
-            for d in range(6):
-                s[d * CHUNK + taken] = old[d, j]
+            _write(s, PLACE, taken, x0)
+            _write(s, VELOCITY, taken, (vx[j], vy[j], vz[j]))
             s[WHICH * CHUNK + taken], s[RADIUS * CHUNK + taken] = j, r
-            _write(s, BETWEEN, taken, (x[j], y[j], z[j]))
+            s[NEAR * CHUNK + taken] = r + REACH * _span(subtract(x1, x0))
+            _write(s, BETWEEN, taken, x1)
             taken += 1
             if taken == CHUNK:
                 left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
-                                     accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
-                                     touching, left)
+                                     accounts, vx, vy, vz, new, s, taken, clear, cells, touching,
+                                     left)
                 taken = 0
-        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
-                              y, z, vx, vy, vz, s, taken, clear, cells, touching, left)
+        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, vx,
+                              vy, vz, new, s, taken, clear, cells, touching, left)
     return count

@@ -16,27 +16,33 @@
 The fixed-step methods over all particles: blocks of them, over the steps of a call, on threads.
 
 A block stays in the cache for all steps of a call: it is flown, tested and answered before the
-next block is touched. Blocks do not depend on the number of threads, and neither do results.
+next block is touched, which comes from memory meanwhile. Blocks do not depend on the number of threads, and neither do results.
 """
 
-from collision_sim.core.blocks import find_touching, path_lengths
+from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,
+                                       NONE, path_lengths, place_block, take_places,
+                                       take_velocities)
 from collision_sim.core.broad_phase import choose, most_move, radius_at
-from collision_sim.core.candidates import book_free_flights, move_block
+from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import kernel, widest_vectors
-from collision_sim.core.mesh_blocks import touch_meshes
+from collision_sim.core.mesh_blocks import clear_of_meshes
+from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
-from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
+from collision_sim.core.threads import (DONE, fetch_add, FIRST, NO_PIECE, piece_of, post, SECOND,
+                                        SERIAL, TICKET, wait_for_job, wait_until_done)
 from collision_sim.core.trajectory import sweep_margin
-from collision_sim.core.vectors import length, subtract
+from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
 from numba import njit
 import numpy as np
 
-BLOCK = 256             # particles; their scratch fits the first-level cache
-PIECE = 4               # blocks that a thread claims at once
+BLOCK = 1024            # particles; their scratch fits the second-level cache
+EVENT_BLOCK = 64        # particles, with the exact method, which spends far more time on each
+APART = 40              # numbers more in a row of scratch, so that rows begin in other cache sets
 TOGETHER = 16           # particles of a block that touch something; fewer are faster one by one
-FEW = 12                # blocks; for fewer a second thread costs more than it brings
+NO_JOB = -1             # serial number of none
+FEW = 3                 # blocks; for fewer a second thread costs more than it brings
 
 
 @kernel
@@ -48,29 +54,43 @@ def block_radius(radius, first, last):
 
 
 @kernel
-def _touching(sweep, grid, present, table, poses, motion, step, end, radius, old, x, y, z, clear,
-              lengths, margins, touching):
-    """Find the particles that may touch something: on their paths with `sweep`, or at the end."""
+def _fly(lean, candidates, ledger, flight, block, first, ahead, x, y, z, vx, vy, vz, new, scratch,
+         clear):
+    """Write the candidates of a block; `clear` is NaN where they are not finite, else 1."""
+    if lean is not None:
+        place_block(flight, ahead, x, y, z, vx, vy, vz, new)
+    else:
+        fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, scratch)
+    clear_if_finite(new[0], new[1], new[2], clear)
+
+
+@kernel
+def _clear(sweep, grid, present, table, poses, motion, step, end, radius, x, y, z, new, lengths,
+           margins, clear):
+    """Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends."""
+    n = clear.shape[0]
+    x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]
     if sweep is not None:
         for c in range(table.shape[0]):
             margins[c] = sweep_margin(sweep, motion, step, table, c)
-        paths = lengths[:x.shape[0]]
-        path_lengths(x, y, z, old, radius, paths)
-        return find_touching(grid, present, table, poses, end, paths, margins, x, y, z, clear,
-                             lengths, touching)
-    return find_touching(grid, present, table, poses, end, radius, None, x, y, z, clear, lengths,
-                         touching)
+        paths = lengths[:n]
+        path_lengths(x, y, z, new, radius, paths)
+        clear_of_others(grid, present, table, poses, end, NONE, paths, margins, x1, y1, z1, clear,
+                        lengths)
+    else:
+        clear_of_others(grid, present, table, poses, end, NONE, radius, None, x1, y1, z1, clear,
+                        lengths)
 
 
 @kernel
 def _few_left(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius, log,
-              accounts, first, old, x, y, z, vx, vy, vz, chunk, clear, cells, touching, count):
+              accounts, first, x, y, z, vx, vy, vz, new, chunk, scratch, cells, touching, count):
     """Answer those that touch a single plane together, unless they are few."""
     if planes is not None:
         if ledger is None:
             if candidates is None and count >= TOGETHER:
                 return answer_planes(grid, rules, here, table, poses, motion, radius, log,
-                                     accounts, first, old, x, y, z, vx, vy, vz, chunk, clear,
+                                     accounts, first, x, y, z, vx, vy, vz, new, chunk, scratch,
                                      cells, touching, count)
     return count
 
@@ -82,6 +102,24 @@ def _reach(dt, x0, v0, x1, v1):
 
 
 @kernel
+def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses, motion, log,
+            accounts, notes, x0, v0, ledger, candidates, chosen):
+    """One step of particle i, which may touch something or not be finite; place and velocity."""
+    u, v1 = candidate_of(candidates, rules.flight, i, v0)
+    x1 = add_scaled(x0, rules.flight.dt, u)
+    if not is_finite(x1, v1):
+        return freeze(accounts, block, x0)
+    reach = 2.0 * move + _reach(rules.flight.dt, x0, v0, x1, v1)
+    here = Here(step, start, end, block, i, radius,
+                chosen[:choose(grid, table, poses, start, x0, reach, chosen)])
+    place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
+                              ledger, candidates)
+    if not is_finite(place, velocity):
+        return freeze(accounts, block, x0)
+    return place, velocity
+
+
+@kernel
 def _empty_log(candidates, accounts, block):
     """Begin the log of a step, unless candidates have come with entries of the collision stage."""
     if candidates is None:
@@ -89,81 +127,102 @@ def _empty_log(candidates, accounts, block):
 
 
 @kernel
-def step_block(grid, rules, steps, row, block, table, poses, motion, radius, log, accounts, notes,
-               ledger, candidates, x, v, old, scratch, lengths, margins, touching, chunk,
-               chosen):
+def _take(lean, flight, clear, x, y, z, vx, vy, vz, new):
+    """Take the candidates of a block; who is not clear has been answered and has its velocity."""
+    take_places(x, y, z, new)
+    if lean is not None:
+        gain_velocities(flight, clear, vx, vy, vz)
+    else:
+        take_velocities(clear, vx, vy, vz, new)
+
+
+@kernel
+def step_block(grid, rules, steps, row, block, upcoming, table, poses, motion, radius, log,
+               accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
+               touching, chunk, chosen):
     """
     Take one block of particles through the steps of a call, in place.
 
-    A candidate that stays clear of all colliders is what the step leaves; the few that touch one
-    are answered by themselves from their state before the step, kept in `old`.
+    A candidate that stays clear of all colliders is what the step leaves. The few that touch one
+    are answered by themselves from their state before the step, and keep the place in `new` and
+    the velocity that they are given. Who would end with something that is not finite is frozen.
     """
     widest_vectors()
+    lean = is_lean(candidates, ledger, rules.flight.quadratic)
     first, rows = block * BLOCK, poses.shape[0] - 1
     last = min(first + BLOCK, x.shape[1])
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
     vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
-    near, clear = block_radius(radius, first, last), scratch[:last - first]
+    near, clear = block_radius(radius, first, last), clear[:last - first]
     for step in range(row, row + steps):
         start, end = min(step, rows), min(step + 1, rows)
+        ahead = BLOCK * max(upcoming - block, 0) if step == row + steps - 1 else 0
         _empty_log(candidates, accounts, block)
-        move_block(candidates, rules.flight, first, px, py, pz, vx, vy, vz, old, clear)
-        book_free_flights(candidates, ledger, rules.flight.dt, block, first, old, px, py, pz, vx,
-                          vy, vz)
-        count = _touching(rules.sweep, grid, rules.present, table, poses, motion, step, end, near,
-                          old, px, py, pz, clear, lengths, margins, touching)
-        count = touch_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
-                             end, near, old, px, py, pz, clear, lengths, touching, count)
+        _fly(lean, candidates, ledger, rules.flight, block, first, ahead, px, py, pz, vx, vy, vz,
+             new, scratch, clear)
+        _clear(rules.sweep, grid, rules.present, table, poses, motion, step, end, near, px, py, pz,
+               new, lengths, margins, clear)
+        clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start, end,
+                        near, px, py, pz, new, clear, lengths)
+        count = collect(clear, touching)
         here = Here(step, start, end, block, first, 0.0, None)
         count = _few_left(rules.planes, ledger, candidates, grid, rules, here, table, poses,
-                          motion, near, log, accounts, first, old, px, py, pz, vx, vy, vz, chunk,
-                          clear, lengths, touching, count)
+                          motion, near, log, accounts, first, px, py, pz, vx, vy, vz, new, chunk,
+                          scratch, lengths, touching, count)
         move = most_move(motion, step, table) if count > 0 else 0.0
         for k in range(count):
             j = touching[k]
-            x0, v0 = (old[0, j], old[1, j], old[2, j]), (old[3, j], old[4, j], old[5, j])
-            reach = 2.0 * move + _reach(rules.flight.dt, x0, v0, (px[j], py[j], pz[j]),
-                                        (vx[j], vy[j], vz[j]))
-            here = Here(step, start, end, block, first + j, radius_at(near, j),
-                        chosen[:choose(grid, table, poses, start, x0, reach, chosen)])
-            x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes,
-                             x0, v0, ledger, candidates)
-            px[j], py[j], pz[j] = x1
-            vx[j], vy[j], vz[j] = v1
+            place, velocity = _answer(
+                grid, rules, step, start, end, block, first + j, radius_at(near, j), move, table,
+                poses, motion, log, accounts, notes, (px[j], py[j], pz[j]), (vx[j], vy[j], vz[j]),
+                ledger, candidates, chosen)
+            new[0, j], new[1, j], new[2, j] = place
+            vx[j], vy[j], vz[j] = velocity
+        _take(lean, rules.flight, clear, px, py, pz, vx, vy, vz, new)
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def step_blocks(posted, counters, plan, steps, row):
+def step_blocks(job, pieces, steps, row, looks, plan):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.
 
     Parameters
     ----------
-    posted, counters : (1,), (SHARED,) int64
-        Of threads.share; by them threads divide the blocks.
-    plan : plan.Plan
-        What to do, and with what.
+    job, pieces, looks
+        As of threads.Crew; a piece is a block.
     steps : int
         Not negative.
     row : int
         Row of the poses at the start of the first of them, and of their motion.
+    plan : plan.Plan
+        What to do, and with what.
+
+    Returns
+    -------
+    done : bool
+        Whether all blocks are done.
 
     """
     widest_vectors()
+    if pieces != NO_PIECE:
+        post(job, pieces, steps, row)
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
     grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates
-    old, scratch, lengths = np.empty((6, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
+    new, scratch = np.empty((6, BLOCK + APART)), np.empty(BLOCK)
+    clear, lengths = np.empty(BLOCK), np.empty(BLOCK)
     margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
     touching = np.empty(BLOCK + 1, dtype=np.int64)
     chosen = np.empty(table.shape[0], dtype=np.int64)
-    fetch_add(posted, 0, 1)
-    fetch_add(counters, ENTERED, 1)
-    first = PIECE * fetch_add(counters, CLAIMED, 1)
-    while first < accounts.shape[0]:
-        for block in range(first, min(first + PIECE, accounts.shape[0])):
-            step_block(grid, rules, steps, row, block, table, poses, motion, radius, log, accounts,
-                       notes, ledger, candidates, x, v, old, scratch, lengths, margins, touching,
-                       chunk, chosen)
-        first = PIECE * fetch_add(counters, CLAIMED, 1)
-    fetch_add(counters, LEFT, 1)
+    serial, patience = NO_JOB, (looks if pieces == NO_PIECE else 0)
+    while wait_for_job(job, serial, patience):
+        ticket = fetch_add(job, TICKET, 1)
+        serial, block = ticket >> SERIAL, piece_of(job, ticket)
+        while block != NO_PIECE:
+            upcoming = piece_of(job, fetch_add(job, TICKET, 1))
+            step_block(grid, rules, job[FIRST], job[SECOND], block, upcoming, table, poses, motion,
+                       radius, log, accounts, notes, ledger, candidates, x, v, new, scratch, clear,
+                       lengths, margins, touching, chunk, chosen)
+            fetch_add(job, DONE, 1)
+            block = upcoming
+    return wait_until_done(job, looks - patience)

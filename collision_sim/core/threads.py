@@ -13,13 +13,15 @@
 # limitations under the License.
 
 """
-Threads that share the blocks of a step; the kernels release the interpreter lock.
+Threads that share the pieces of a step; the kernels release the interpreter lock.
 
 Plain threads instead of Numba's parallel loops: these abort the process when two threads of a
 program step at once, and their kernels take twice as long to compile. Threads claim work from an
 atomic counter inside the kernel, so that one that starts late or shares its core with another
 program holds nobody up. Waking a thread takes about 50 us; who waits therefore first watches a
-counter for a while, offering its core to others, before it goes to sleep.
+counter for a while, offering its core to others, before it goes to sleep. `share` is for a job of
+its own; a Crew is for one that comes again and again: its helpers stay in compiled code between
+jobs, where they need not wait for the interpreter lock.
 """
 
 import os
@@ -28,6 +30,7 @@ from threading import Thread
 import time
 import traceback
 
+from collision_sim.core.jit import kernel
 from numba import config, njit, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_untracked
@@ -38,11 +41,17 @@ import numpy as np
 LOOKS = 400             # looks at a counter before going to sleep, about half a microsecond each
 NAP = 5e-5              # s
 CLAIMED, ENTERED, LEFT, FAILED, SHARED = range(5)   # columns of the counters of a shared job
+# Entries of the jobs of a crew: the next ticket and the pieces done, in cache lines of their own;
+# number of pieces, and two numbers that say what is to be done.
+TICKET, DONE, PIECES, FIRST, SECOND, CREW = 0, 8, 16, 17, 18, 24
+NO_PIECE = -1
+SERIAL = 32             # bits of a ticket below the serial number of its job: which piece
 
 _sched_yield = types.ExternalFunction('sched_yield', types.int32())
 _posted = np.zeros(1, dtype=np.int64)               # changes when there is work
 _jobs = SimpleQueue()
 _helpers = []
+_generation = 0         # of processes: a child has no helpers yet
 
 
 if config.DISABLE_JIT:
@@ -50,17 +59,31 @@ if config.DISABLE_JIT:
         """Add to an entry of an array and give its value before; there is one thread then."""
         array[index] += amount
         return array[index] - amount
+
+    def exchange(array, index, value):
+        """Set an entry of an array and give its value before; there is one thread then."""
+        before, array[index] = array[index], value
+        return before
 else:
-    @intrinsic
-    def fetch_add(typing_context, array, index, amount):
-        """Add to an entry of an int64 array and give its value before, atomically."""
+    def _atomic(operation):
+        """Give the code generator of an atomic operation on an entry of an array."""
         def generate(context, builder, signature, arguments):
             entries = make_array(signature.args[0])(context, builder, arguments[0])
             place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
                                              [arguments[1]], wraparound=False)
-            before = builder.atomic_rmw('add', place, arguments[2], 'seq_cst')
+            before = builder.atomic_rmw(operation, place, arguments[2], 'seq_cst')
             return impl_ret_untracked(context, builder, signature.return_type, before)
-        return types.int64(array, types.intp, types.int64), generate
+        return generate
+
+    @intrinsic
+    def fetch_add(typing_context, array, index, amount):
+        """Add to an entry of an int64 array and give its value before, atomically."""
+        return types.int64(array, types.intp, types.int64), _atomic('add')
+
+    @intrinsic
+    def exchange(typing_context, array, index, value):
+        """Set an entry of an int64 array and give its value before, atomically."""
+        return types.int64(array, types.intp, types.int64), _atomic('xchg')
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -120,9 +143,7 @@ def share(function, threads, *args):
     counters = np.zeros(SHARED, dtype=np.int64)
     if config.DISABLE_JIT:
         threads = 1
-    while len(_helpers) < threads - 1:
-        _helpers.append(Thread(target=_help, name='collision_sim', daemon=True))
-        _helpers[-1].start()
+    _call_helpers(threads - 1)
     for _ in range(1, threads):
         _jobs.put((function, counters, args))
     function(_posted, counters, *args)
@@ -130,6 +151,106 @@ def share(function, threads, *args):
         if counters[FAILED]:
             raise RuntimeError('a helper thread failed; its traceback is above')
         time.sleep(NAP)
+
+
+@kernel
+def post(job, pieces, first, second):
+    """Offer a job to a crew, whose last one is done: so many pieces, and what to do."""
+    job[PIECES], job[FIRST], job[SECOND], job[DONE] = pieces, first, second, 0
+    exchange(job, TICKET, ((job[TICKET] >> SERIAL) + 1) << SERIAL)
+
+
+@kernel
+def piece_of(job, ticket):
+    """Piece that a ticket stands for, or NO_PIECE; until it is done the job stays as it is."""
+    piece = ticket & ((1 << SERIAL) - 1)
+    return piece if piece < job[PIECES] else NO_PIECE
+
+
+@kernel
+def wait_for_job(job, serial, looks):
+    """Whether there is a job with another serial number, after at most a number of looks."""
+    for _ in range(looks):
+        if fetch_add(job, TICKET, 0) >> SERIAL != serial:
+            return True
+        _sched_yield()
+    return fetch_add(job, TICKET, 0) >> SERIAL != serial
+
+
+@kernel
+def wait_until_done(job, looks):
+    """Whether all pieces of a job are done, after at most a number of looks."""
+    for _ in range(looks):
+        if fetch_add(job, DONE, 0) == job[PIECES]:
+            return True
+        _sched_yield()
+    return fetch_add(job, DONE, 0) == job[PIECES]
+
+
+class Crew:
+    """
+    Threads that do one job after the other of the same kind.
+
+    Parameters
+    ----------
+    function : callable
+        Takes (job, pieces, first, second, looks, *args) and releases the interpreter lock. With
+        pieces it does post(job, pieces, first, second); then it claims tickets with
+        fetch_add(job, TICKET, 1), does the piece_of each, counts it in DONE, and goes on with the
+        next job, if it does wait_for_job. Whether wait_until_done.
+    *args
+        Passed on.
+    stays : bool
+        Whether its helpers wait for the next job, which is worth while if that comes soon.
+
+    """
+
+    def __init__(self, function, *args, stays=True):
+        """Nobody is recruited before there is a job."""
+        self._function, self._args = function, args
+        self._patience = LOOKS if stays else 0
+        self._job = np.zeros(CREW, dtype=np.int64)
+        self._counters = np.zeros(SHARED, dtype=np.int64)
+        self._recruited, self._generation = 0, _generation
+
+    def run(self, threads, pieces, first, second):
+        """
+        Do a job.
+
+        Parameters
+        ----------
+        threads : int
+            Most threads to work on it.
+        pieces, first, second : int
+            How many, and what to do.
+
+        """
+        if self._generation != _generation:
+            self._recruited, self._generation = 0, _generation
+        threads = 1 if config.DISABLE_JIT else min(threads, pieces)
+        while self._recruited < threads - 1:
+            self._recruited += 1
+            _call_helpers(threads - 1)
+            _jobs.put((self._attend, self._counters, ()))
+            _posted[0] += 1
+        done = self._function(self._job, pieces, first, second, LOOKS, *self._args)
+        while not done:
+            if self._counters[FAILED]:
+                raise RuntimeError('a helper thread failed; its traceback is above')
+            time.sleep(NAP)
+            done = self._job[DONE] == pieces
+
+    def _attend(self, posted, counters):
+        """Work on jobs until none has come for a while."""
+        self._function(self._job, NO_PIECE, 0, 0, self._patience, *self._args)
+        self._recruited -= 1
+
+
+def _call_helpers(count):
+    """See to it that there are so many helpers."""
+    while len(_helpers) < count:
+        _helpers.append(Thread(target=_help, name='collision_sim', daemon=True))
+        _helpers[-1].start()
 
 
 def _help():
@@ -140,15 +261,15 @@ def _help():
         try:
             function(_posted, counters, *args)
         except BaseException:
-            counters[FAILED] = 1
             traceback.print_exc()
+            counters[FAILED] = 1
         del function, counters, args    # arrays are not kept alive until the next job
 
 
 def _forget_helpers():
     """After a fork the child has none of the threads of its parent."""
-    global _jobs
-    _jobs = SimpleQueue()
+    global _jobs, _generation
+    _jobs, _generation = SimpleQueue(), _generation + 1
     _helpers.clear()
 
 

@@ -72,6 +72,12 @@ def largest(a):
 
 
 @formula
+def is_finite(a, b):
+    """Whether two vectors are finite."""
+    return 0.0 * (a[0] + a[1] + a[2]) + 0.0 * (b[0] + b[1] + b[2]) == 0.0
+
+
+@formula
 def length(a):
     """Euclidean length, without overflow or underflow of the squares."""
     square = dot(a, a)
