@@ -350,7 +350,7 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, 
 
 @kernel
 def clear_if_finite(x, y, z, clear):
-    """Write 1 to `clear` (B,), but NaN where a place is not finite; a velocity soon shows there."""
+    """Write 1 to `clear` (B,), but NaN for places that are not finite; velocities show there."""
     widest_vectors()
     for i in range(clear.shape[0]):
         clear[i] = 1.0 + 0.0 * (x[i] + y[i] + z[i])

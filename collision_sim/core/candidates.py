@@ -69,7 +69,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
 
 @kernel
 def is_lean(candidates, ledger, quadratic):
-    """1 if candidates need no velocities: free flights without quadratic drag that nobody books."""
+    """1 if candidates need no velocities: free flights, no quadratic drag, nobody books them."""
     if candidates is None:
         if ledger is None:
             if quadratic is None:

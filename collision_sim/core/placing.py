@@ -22,7 +22,8 @@ gets out.
 from collision_sim.core.detection import deepest, is_path_clear, is_same_surface
 from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
-from collision_sim.core.rules import N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL, PUSHES
+from collision_sim.core.rules import (N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL,
+                                      PUSHES)
 from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, origin, subtract
 
 
