@@ -392,6 +392,9 @@ def read_yaml(path):
     raise SceneError('scene', str(path), f'must be a readable YAML file; {problem}')
 
 
+MERGE = 'tag:yaml.org,2002:merge'
+
+
 class Loader(yaml.SafeLoader):
     """YAML as people expect it: 1e-3 is a number, and a key given twice is an error."""
 
@@ -399,19 +402,36 @@ class Loader(yaml.SafeLoader):
         node = super().compose_mapping_node(anchor)
         seen = set()
         for key, _ in node.value:
-            text = key.value if isinstance(key, yaml.ScalarNode) else id(key)
-            if text in seen:
-                raise yaml.MarkedYAMLError(problem=f'the key {text} is given twice',
+            if _name(key) in seen:
+                raise yaml.MarkedYAMLError(problem=f'the key {_name(key)} is given twice',
                                            problem_mark=key.start_mark)
-            seen.add(text)
+            seen.add(_name(key))
         return node
 
     def flatten_mapping(self, node):
+        """
+        Take in what is merged by <<; own keys win over it, and what is merged first over the rest.
+
+        PyYAML 6.0.4 takes the last, and others before it double what is merged at each level.
+        """
+        own = [pair for pair in node.value if pair[0].tag != MERGE]
+        merged = {}
+        for _, value in (pair for pair in node.value if pair[0].tag == MERGE):
+            for source in value.value if isinstance(value, yaml.SequenceNode) else [value]:
+                if not isinstance(source, yaml.MappingNode):
+                    raise yaml.MarkedYAMLError(problem='<< takes mappings only',
+                                               problem_mark=source.start_mark)
+                self.flatten_mapping(source)
+                for pair in source.value:
+                    merged.setdefault(_name(pair[0]), pair)
+        node.value = own
         super().flatten_mapping(node)
-        # A pair merged in (<<) along two ways is kept once: nested merges would double it
-        # at each level.
-        last = {id(pair[0]): pair for pair in reversed(node.value)}
-        node.value = list(reversed(last.values()))
+        node.value = [*merged.values(), *node.value]
+
+
+def _name(key):
+    """What tells a key of a mapping from others."""
+    return key.value if isinstance(key, yaml.ScalarNode) else id(key)
 
 
 Loader.add_implicit_resolver(

@@ -16,7 +16,8 @@
 The fixed-step methods over all particles: blocks of them, over the steps of a call, on threads.
 
 A block stays in the cache for all steps of a call: it is flown, tested and answered before the
-next block is touched, which comes from memory meanwhile. Blocks do not depend on the number of threads, and neither do results.
+next block is touched, which comes from memory meanwhile. Blocks do not depend on the number of
+threads, and neither do results.
 """
 
 from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,

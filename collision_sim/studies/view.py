@@ -131,8 +131,8 @@ def run(arguments):
     scene = load_scene(arguments.scene)
     simulation = Simulation(scene)
     viewer = Viewer(simulation, arguments.port, arguments.control)
-    print(f'collision_sim: {arguments.scene} is at {viewer.url}; Ctrl-C ends it', flush=True)
     try:
+        print(f'collision_sim: {arguments.scene} is at {viewer.url}; Ctrl-C ends it', flush=True)
         simulation.step()               # compiles
         simulation.reset()
         player = Player(simulation, viewer, 1.0 / arguments.rate)
