@@ -430,7 +430,7 @@ class Loader(yaml.SafeLoader):
 
 
 def _name(key):
-    """What tells a key of a mapping from others."""
+    """Give what tells a key of a mapping from others."""
     return key.value if isinstance(key, yaml.ScalarNode) else id(key)
 
 

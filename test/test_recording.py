@@ -208,6 +208,7 @@ def start(scene, tmp_path):
         process.communicate()
 
 
+@pytest.mark.jit
 def test_a_full_disk(scene, tmp_path):
     """The reason and the draft, which stays; a limit of the size of a file stands for the disk."""
     process = subprocess.run(
