@@ -129,7 +129,7 @@ class Diagnostics:
                for key, count in counters.items()}     # less than before: there was a reset
         clearance = self._simulation.clearance()
         depth = float(np.max(-clearance, initial=0.0, where=np.isfinite(clearance)))
-        frozen = counters.get('frozen', 0)
+        frozen = counters['frozen']
         values = {
             'collisions per second': new['collisions'] / elapsed,
             'contacts per second': new['contacts'] / elapsed,

@@ -27,6 +27,7 @@ from collision_sim.balances import Balance  # noqa: E402, I100
 from collision_sim.core.rules import COUNTERS  # noqa: E402
 from collision_sim.ros.diagnostics import DEEPEST, Diagnostics, SLOWEST  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from geometry_msgs.msg import Vector3  # noqa: E402
 from harness import pose_message  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 
@@ -53,7 +54,7 @@ class Quiet:
     def __init__(self):
         self.simulation = SimpleNamespace(
             time=1.0, dt=1e-9, position=np.zeros((3, 3)), ledger=None,
-            counters=dict.fromkeys([*COUNTERS, 'frozen'], 0),
+            counters=dict.fromkeys(COUNTERS, 0),
             clearance=lambda: np.array([self.clearance, 1.0, nan, np.inf]))
         self.clearance = 0.0
         poses = SimpleNamespace(topics={}, dropped=Counter(), stale=lambda now: [])
@@ -108,6 +109,25 @@ def test_frozen_particles_stay_an_error(quiet):
     for _ in range(2):
         physics = quiet.report()[1]
         assert physics.level == ERROR and 'frozen' in physics.message
+
+
+def test_a_particle_driven_out_of_the_range_of_numbers(drive):
+    """By a parameter topic: what the node publishes stays finite, and it says what happened."""
+    driver = drive(SCENE)
+    publisher = driver.peer.create_publisher(Vector3, '/collision_sim/set/gravity', 1)
+    driver.spin_until(publisher.get_subscription_count)
+    publisher.publish(Vector3(x=0.0, y=0.0, z=1e308))
+    driver.spin_until(lambda: driver.simulation.scene.gravity[2] == 1e308)
+
+    def check():
+        assert np.isfinite(driver.simulation.position).all()
+        assert np.isfinite(driver.simulation.velocity).all()
+
+    driver.node._diagnostics.begin()
+    driver.run(3.0, each=check)
+    assert driver.simulation.counters['frozen'] > 0
+    physics = statuses(driver)[1]
+    assert physics.level == ERROR and 'frozen' in physics.message
 
 
 def test_deep_particles_are_a_warning(quiet):
