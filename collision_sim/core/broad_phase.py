@@ -301,13 +301,15 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y,
         if margins is not None:
             for i in range(x.shape[0]):
                 near = radius_at(radius, i)
-                clear[i] = min(clear[i], _clear_on_way(
-                    grid, present, table, poses, end, skip, near, near, margins, x[i], y[i], z[i]))
+                if clear[i] >= 0.0:
+                    clear[i] = min(clear[i], _clear_on_way(
+                        grid, present, table, poses, end, skip, near, near, margins, x[i], y[i],
+                        z[i]))
         else:
             _write_cells(grid, x, y, z, cells)
             for i in range(x.shape[0]):
                 cell = int(cells[i])
-                if grid.starts[cell + 1] > grid.starts[cell]:
+                if grid.starts[cell + 1] > grid.starts[cell] and clear[i] >= 0.0:
                     clear[i] = min(clear[i], _clear_in_cell(
                         grid, cell, present, table, poses, end, skip, radius_at(radius, i), None,
                         x[i], y[i], z[i]))

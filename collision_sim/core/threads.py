@@ -233,12 +233,19 @@ class Crew:
             _call_helpers(threads - 1)
             _jobs.put((self._attend, self._counters, ()))
             _posted[0] += 1
-        done = self._function(self._job, pieces, first, second, LOOKS, *self._args)
-        while not done:
+        if not self._function(self._job, pieces, first, second, LOOKS, *self._args):
+            try:
+                self._wait(pieces)
+            except KeyboardInterrupt:       # what helpers have begun is finished first
+                self._wait(pieces)
+                raise
+
+    def _wait(self, pieces):
+        """Wait until the helpers are done, too."""
+        while self._job[DONE] < pieces:
             if self._counters[FAILED]:
                 raise RuntimeError('a helper thread failed; its traceback is above')
             time.sleep(NAP)
-            done = self._job[DONE] == pieces
 
     def _attend(self, posted, counters):
         """Work on jobs until none has come for a while."""
