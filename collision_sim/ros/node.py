@@ -42,6 +42,8 @@ from std_srvs.srv import SetBool, Trigger
 SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... tick
 LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
 WARN_PERIOD = 5.0       # s
+# Publishing does not wait until the copies for other processes are made.
+ASYNCHRONOUS = 'RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS'
 
 
 class CollisionSimNode(SturdyNode):
@@ -281,8 +283,7 @@ def run(args, stopped):
     """
     status, node = 0, None
     try:
-        # Publishing does not wait until the copies for other processes are made.
-        os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
+        os.environ.setdefault(*ASYNCHRONOUS)
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionSimNode()
         spin(node, stopped)
