@@ -19,7 +19,8 @@ It is pushed to the surfaces, which is a move and no impulse; the fail-safe is f
 gets out.
 """
 
-from collision_sim.core.detection import deepest, is_path_clear, is_same_surface
+from collision_sim.core.detection import (deepest, is_path_clear, is_same_surface,
+                                          rounding_depth)
 from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
 from collision_sim.core.rules import (N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL,
@@ -72,7 +73,8 @@ def push_out(rules, here, table, poses, motion, x0, place):
         place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
         obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
         reach = length(subtract(candidate, x0)) + 2.0 * rules.flight.dt * length(obj)
-        if length(subtract(place, candidate)) > reach + PUSHES * rounding:
+        reach += rounding_depth(here, table, poses, c, x0) + PUSHES * rounding
+        if length(subtract(place, candidate)) > reach:
             break
     return place, c1, c2
 

@@ -285,6 +285,20 @@ def test_repulsion_leaves_by_the_nearest_face(method, place):
 
 
 @every_method
+@pytest.mark.parametrize('gravity', [0.0, G])
+def test_repulsion_ends(method, gravity):
+    """T80: what is left of a depth, down to rounding, is a place to stay, never a dead end."""
+    depths = EPSILON * np.arange(200)
+    places = [(depth - 0.5, 0.01 * i - 0.4, 3e-5) for i, depth in enumerate(depths)]
+    wall = box(name='wall')
+    sim = simulate([plane(), wall], places, gravity=(0.0, 0.0, -gravity), method=method)
+    sim.step(100)
+    assert sim.counters['unplaced'] == sim.counters['fail_safes'] == 0
+    assert sim.clearance().min() > -depths[-1]
+    assert_allclose(sim.position, places, atol=depths[-1] + (gravity > 0.0) * 3e-5)
+
+
+@every_method
 def test_start_inside_and_fast(method):
     """T80: a fast one inside is stopped on its way in, and may leave on its way out."""
     for speed in (-3.0, 3.0):
