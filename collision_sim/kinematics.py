@@ -25,31 +25,42 @@ from typing import NamedTuple, Optional
 from collision_sim.checks import SceneError
 from collision_sim.core.broad_phase import in_grid, make_grid
 from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
-                                       MOTION, POSE, script_poses, START, TWIST)
+                                       MOTION, script_poses, START, TWIST)
 from collision_sim.core.rotation import quaternion
 from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
 
-NO_CHORDS = np.full((2, TWIST), np.nan)     # of a collider that has not moved
 MOST_AHEAD, AHEAD = 1024, 32    # steps that are laid out at once: most, and where they are scripts
 NORM_TOLERANCE = 1e-3           # how far from 1 the norm of an orientation may be
 
 
-class Track(NamedTuple):
+class Tracks(NamedTuple):
     """
-    Poses (S, 12) of a collider at the ends of the next S steps; twists at both ends (S, 6).
+    Poses (S, K, 12) of colliders at the ends of the next S steps; twists at both ends (S, K, 6).
 
-    chords (S, 6) where the twists are estimated from the poses, None where they were given.
+    which (K,): the colliders; chords (S, K, 6) where the twists are estimated from the poses, None
+    where they were given.
     """
 
+    which: np.ndarray
     poses: np.ndarray
     starts: np.ndarray
     ends: np.ndarray
     chords: Optional[np.ndarray]
 
-    def part(self, rows):
-        """Give some of the steps."""
-        return Track(*(None if table is None else table[rows] for table in self))
+    def part(self, which, columns=slice(None), steps=slice(None)):
+        """Give those of some colliders, or some of the steps."""
+        return Tracks(which, *(None if table is None else table[steps, columns]
+                               for table in self[1:]))
+
+    def after(self, steps):
+        """Give the steps that come later."""
+        return self.part(self.which, steps=slice(steps, None))
+
+    def without(self, which):
+        """Give those of the other colliders."""
+        others = np.isin(self.which, which, invert=True)
+        return self.part(self.which[others], others)
 
 
 class Kinematics:
@@ -83,12 +94,16 @@ class Kinematics:
         self._indices = {collider.name: k for k, collider in enumerate(scene.colliders)}
         self._frames = frames(scene)
         self._scripts, self._scripted = scripts(scene)
-        self._base = np.array([
-            pose_rows(frame, [collider.position], [collider.orientation])
-            for frame, collider in zip(self._frames, scene.colliders)]).reshape(-1, POSE)
+        self._follows_script = np.isin(np.arange(len(self._indices)), self._scripted)
+        self._base = pose_rows(
+            self._frames,
+            np.array([c.position for c in scene.colliders], dtype=np.float64).reshape(1, -1, 3),
+            np.array([c.orientation for c in scene.colliders], dtype=np.float64).reshape(1, -1, 4)
+        )[0]
         self._may_move = any(collider.moving for collider in scene.colliders)
         self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
-        self._many = not self._exact and len(in_grid(self._table)) > 0
+        self._in_grid = in_grid(self._table)
+        self._many = not self._exact and len(self._in_grid) > 0
         self.laid_out = 0
         self.reset()
 
@@ -96,16 +111,18 @@ class Kinematics:
         """Go back to the start."""
         self.poses, self.row = self._base[None].copy(), 0
         self.motion = self.courses = None
-        self._tracks = {}
-        self._chords = {}
-        self._given = {}
+        count = len(self._indices)
+        self._tracks = []                           # Tracks of the steps to come, by `move`
+        self._moved = np.zeros(count, dtype=bool)   # by `move`, at any time
+        self._chords = np.full((2, count, TWIST), np.nan)   # of the last steps; NaN: none
+        self._given = np.full((count, TWIST), np.nan)       # twists that the last steps ended with
         self._moves = self._may_move
         self._renew()
 
     def _renew(self):
         """Note that poses have been laid out anew, and lay out the grid over them."""
         self.laid_out += 1
-        self.grid = make_grid(self._table, self.poses, self.motion, self._reach) \
+        self.grid = make_grid(self._in_grid, self._table, self.poses, self.motion, self._reach) \
             if self._many else None
 
     @property
@@ -156,11 +173,11 @@ class Kinematics:
 
     def _lay_out(self, most, first, dt):
         """Lay out steps from now on; how many."""
-        tracks, self._tracks = self._tracks, {}
-        if not (tracks or self._chords or self._exact):
+        tracks, self._tracks = self._tracks, []
+        if not (tracks or self._moved.any() or self._exact):
             most = max(most, AHEAD)
         steps = min([most, AHEAD if self._many else MOST_AHEAD,
-                     *(len(track.poses) for track in tracks.values())])
+                     *(len(some.poses) for some in tracks)])
         now, self.row = self.now.copy(), 0
         new = len(self.poses) != steps + 1 or self.motion is None
         if new:
@@ -170,9 +187,11 @@ class Kinematics:
         self.motion[:] = 0.0
         script_poses(self._scripted, self._base, self._scripts, first, dt, self.poses, self.motion,
                      np.empty(TWIST))
-        for k, track in tracks.items():
-            self._follow(k, track, steps)
-        self._rest(tracks, steps)
+        resting = self._moved.copy()
+        for some in tracks:
+            self._follow(some, steps)
+            resting[some.which] = False
+        self._remember(resting, np.zeros((min(steps, 2), resting.sum(), TWIST)))
         fill_turns(self.poses, self.motion)
         if new or self._many:
             self._renew()
@@ -182,63 +201,75 @@ class Kinematics:
                                         first, dt)
         return steps
 
-    def _follow(self, k, track, steps):
-        """Lay out the steps of a collider that is moved, and keep those that come later."""
-        self.poses[1:, k] = track.poses[:steps]
-        self.motion[:, k, START:END] = track.starts[:steps]
-        self.motion[:, k, END:ESTIMATED] = track.ends[:steps]
-        self.motion[:, k, ESTIMATED] = track.chords is not None
-        if len(track.poses) > steps:
-            self._tracks[k] = track.part(slice(steps, None))
-        self._remember(k, track.part(slice(steps)))
-
-    def _remember(self, k, track):
-        """Keep what the twists of the next move depend on: the last chords, or the last twist."""
-        if track.chords is None:
-            self._given[k], self._chords[k] = track.ends[-1:], NO_CHORDS
+    def _follow(self, tracks, steps):
+        """Lay out the steps of colliders that are moved, and keep those that come later."""
+        which, chords = tracks.which, tracks.chords
+        self.poses[1:, which] = tracks.poses[:steps]
+        self.motion[:, which, START:END] = tracks.starts[:steps]
+        self.motion[:, which, END:ESTIMATED] = tracks.ends[:steps]
+        self.motion[:, which, ESTIMATED] = chords is not None
+        if len(tracks.poses) > steps:
+            self._tracks.append(tracks.after(steps))
+        self._moved[which] = True
+        if chords is None:
+            self._given[which], self._chords[:, which] = tracks.ends[steps - 1], np.nan
         else:
-            before = self._chords.get(k, NO_CHORDS)
-            self._chords[k] = np.concatenate([before, track.chords])[-2:]
-            self._given.pop(k, None)
+            self._remember(which, chords[:steps])
 
-    def _rest(self, tracks, steps):
-        """Colliders that were moved before and are not now stand still from here on."""
-        still = np.zeros((min(steps, 2), TWIST))
-        for k in self._chords.keys() - tracks.keys():
-            self._remember(k, Track(None, None, None, still))
+    def _remember(self, which, chords):
+        """Keep what the twists of the next move are estimated from: the last chords."""
+        self._chords[:, which] = np.concatenate([self._chords[:, which], chords])[-2:]
+        self._given[which] = np.nan
 
     # ------------------------------------------------------------------ changes from outside
 
-    def move(self, name, position, orientation, twist, dt):
-        """Move a collider over the next steps, as Simulation.move_collider."""
-        k = self._movable(name, 'move_collider')
-        p = _rows(f'colliders.{name}.position', position, 3)
-        q = _unit(f'colliders.{name}.orientation', orientation, len(p))
-        if twist is None:
-            before_p, before_q = self._pose(k)
-            chords = chord_twists(np.vstack([before_p, p]), np.vstack([before_q, q]), dt or 1.0)
-            starts, ends = end_twists(chords, self._chords.get(k, NO_CHORDS))
+    def move(self, names, positions, orientations, twists, dt):
+        """Move colliders over the next steps, as Simulation.move_colliders."""
+        which = np.array([self._movable(name, 'move_collider') for name in names], dtype=np.int64)
+        if not len(which):
+            return
+        if len(set(names)) < len(names):
+            raise SceneError('colliders', list(names), 'must be given once each')
+        p = _tables('position', names, positions, 3)
+        q = _units(names, _tables('orientation', names, orientations, 4, p.shape[1]))
+        if twists is None:
+            chords = np.stack([self._chords_to(k, p[i], q[i], dt or 1.0)
+                               for i, k in enumerate(which)], axis=1)
+            starts, ends = end_twists(chords, self._chords[:, which])
         else:
-            ends = _rows(f'colliders.{name}.twist', twist, TWIST, len(p))
-            starts, chords = np.concatenate([self._given.get(k, ends[:1]), ends[:-1]]), None
-        self._tracks[k] = Track(pose_rows(self._frames[k], p, q), starts, ends, chords)
+            ends = _tables('twist', names, twists, TWIST, p.shape[1]).swapaxes(0, 1)
+            before, chords = self._given[which], None
+            starts = np.concatenate([np.where(np.isnan(before), ends[0], before)[None], ends[:-1]])
+        poses = pose_rows(self._frames[which], p.swapaxes(0, 1), q.swapaxes(0, 1))
+        self._drop_tracks(which)
+        self._tracks.append(Tracks(which, poses, starts, ends, chords))
         self._moves = True
+
+    def _chords_to(self, k, positions, orientations, dt):
+        """Twists (S, 6) that lead a collider from where it is now to each of the next poses."""
+        p, q = self._pose(k)
+        return chord_twists(np.vstack([p, positions]), np.vstack([q, orientations]), dt)
+
+    def _drop_tracks(self, which):
+        """Forget the steps to come of some colliders."""
+        rest = [tracks.without(which) for tracks in self._tracks]
+        self._tracks = [tracks for tracks in rest if len(tracks.which)]
 
     def place(self, name, position, orientation):
         """Teleport a collider, as Simulation.place_collider."""
         k = self._movable(name, 'place_collider')
         p = _rows(f'colliders.{name}.position', position, 3, 1)
-        q = _unit(f'colliders.{name}.orientation', orientation, 1)
+        q = _units([name], _rows(f'colliders.{name}.orientation', orientation, 4, 1)[None])
         self.poses, self.row = self.now.copy(), 0
-        self.poses[0, k] = pose_rows(self._frames[k], p, q)[0]
+        self.poses[0, k] = pose_rows(self._frames[[k]], p[None], q)[0, 0]
         self._renew()
-        for history in (self._tracks, self._chords, self._given):
-            history.pop(k, None)
+        self._drop_tracks([k])
+        self._moved[k], self._chords[:, k], self._given[k] = False, np.nan, np.nan
 
     def _movable(self, name, call):
         """Index of a collider without a script."""
         k = self.index(name)
-        if k in self._scripted:
+        if self._follows_script[k]:
             raise SceneError(f'colliders.{name}', call, 'it follows its own script')
         return k
 
@@ -264,10 +295,28 @@ def _rows(key, value, columns, count=None):
     return rows
 
 
-def _unit(key, value, count):
-    """Rows of unit quaternions."""
-    rows = _rows(key, value, 4, count)
-    norms = np.sqrt(np.einsum('ij,ij->i', rows, rows))[:, None]
-    if not np.abs(norms - 1.0).max() <= NORM_TOLERANCE:
-        raise SceneError(key, value, f'must have norm 1 within {NORM_TOLERANCE}')
-    return np.where(norms == 1.0, rows, rows / norms)
+def _tables(what, names, values, columns, count=None):
+    """Values of several colliders as finite rows of numbers, (K, S, columns); S may be given."""
+    if isinstance(values, np.ndarray) and values.ndim == 3 and values.size \
+            and values.shape == (len(names), count or values.shape[1], columns) \
+            and np.isfinite(values).all():
+        return np.array(values, dtype=np.float64)
+    if len(values) != len(names):
+        raise SceneError('colliders', list(names), f'must have a {what} each, not {len(values)}')
+    rows = []
+    for name, value in zip(names, values):
+        rows.append(_rows(f'colliders.{name}.{what}', value, columns, count))
+        count = len(rows[0])
+    return np.stack(rows)
+
+
+def _units(names, quaternions):
+    """Bring the quaternions of several colliders, (K, S, 4), to unit norm."""
+    rows = quaternions.reshape(-1, 4)
+    norms = np.sqrt(np.einsum('ij,ij->i', rows, rows)).reshape(*quaternions.shape[:2], 1)
+    wrong = ~(np.abs(norms - 1.0) <= NORM_TOLERANCE).all(axis=(1, 2))
+    if wrong.any():
+        k = wrong.argmax()
+        raise SceneError(f'colliders.{names[k]}.orientation', quaternions[k],
+                         f'must have norm 1 within {NORM_TOLERANCE}')
+    return np.where(norms == 1.0, quaternions, quaternions / norms)

@@ -23,7 +23,7 @@ from collision_sim.colliders import check_method
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
 from collision_sim.core.mesh_build import joined, mesh_arrays
-from collision_sim.core.motion import POSE, SCRIPT
+from collision_sim.core.motion import SCRIPT
 from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, Present, RESTITUTION, SHAPES, SIZE
@@ -114,12 +114,9 @@ def frames(scene):
                      for c in scene.colliders]).reshape(-1, 3, 3)
 
 
-def pose_rows(frame, positions, orientations):
-    """Rows of the table of poses, (S, 12), for positions (S, 3) and orientations (S, 4)."""
-    rows = np.empty((len(positions), POSE))
-    rows[:, :9] = rotated_frames(np.asarray(orientations, dtype=float), frame)
-    rows[:, 9:] = positions
-    return rows
+def pose_rows(frames, positions, orientations):
+    """Rows of the table of poses (S, C, 12), from frames (C, 3, 3), (S, C, 3) and (S, C, 4)."""
+    return np.concatenate([rotated_frames(orientations, frames), positions], axis=2)
 
 
 def scripts(scene):

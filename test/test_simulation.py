@@ -272,6 +272,52 @@ def test_twists_that_are_refused(twist):
     assert error.value.key == 'colliders.lid.twist'
 
 
+def four_lids():
+    """Balls fall on four plates that can be moved."""
+    lids = [plane(name=f'lid{k}', point=(0.0, 0.0, -float(k))) for k in range(4)]
+    return simulate(lids, [(0.3 * k, 0.0, 0.01) for k in range(9)], restitution=0.5)
+
+
+@pytest.mark.parametrize('with_twists', [False, True])
+def test_moves_together_are_as_one_by_one(with_twists):
+    """To the last bit, whatever the lengths of the moves, and where moves replace others."""
+    random, sims = np.random.default_rng(0), (four_lids(), four_lids())
+    for lids, moved, steps in (((0, 1, 2), 1, 1), ((0, 2), 3, 2), ((1, 2, 3), 2, 1), ((3, ), 1, 3),
+                               ((0, 1, 2, 3), 5, 5), ((1, ), 1, 4)):
+        names = [f'lid{k}' for k in lids]
+        places = random.normal(0.0, 0.02, (len(lids), moved, 3))
+        turns = np.full((len(lids), moved, 4), UPRIGHT) + random.normal(0.0, 1e-5, (moved, 4))
+        twists = random.normal(size=(len(lids), moved, 6)) if with_twists else None
+        sims[0].move_colliders(names, places, turns, twists)
+        for k, name in enumerate(names):
+            twist = None if twists is None else twists[k].tolist()
+            sims[1].move_collider(name, places[k].tolist(), turns[k].tolist(), twist)
+        for sim in sims:
+            sim.step(steps)
+        assert_array_equal(sims[0].position, sims[1].position)
+        assert_array_equal(sims[0].velocity, sims[1].velocity)
+        for k in range(4):
+            for one, other in zip(*(sim.collider_pose(f'lid{k}') for sim in sims)):
+                assert_array_equal(one, other)
+    assert sims[0].counters['collisions'] > 0
+
+
+@pytest.mark.parametrize(('names', 'places', 'key'), [
+    (('lid0', 'lid1'), np.array([[(0, 0, 1.0)], [(0, 0, nan)]]), 'colliders.lid1.position'),
+    (('lid0', 'lid1'), [[(0, 0, 1.0)], [(0, 0, 1.0), (0, 0, 2.0)]], 'colliders.lid1.position'),
+    (('lid0', 'lid1'), [(0, 0, 1.0)], 'colliders'),
+    (('lid0', 'lid0'), [(0, 0, 1.0), (0, 0, 2.0)], 'colliders'),
+    (('lid0', 'nobody'), [(0, 0, 1.0), (0, 0, 2.0)], 'collider')], ids=str)
+def test_moves_together_that_are_refused(names, places, key):
+    """By the key of the first bad value; none has moved then."""
+    sim = four_lids()
+    with pytest.raises(SceneError) as error:
+        sim.move_colliders(names, places, [UPRIGHT] * len(places))
+    assert error.value.key == key
+    sim.step()
+    assert_array_equal(sim.collider_pose('lid0')[0], (0.0, 0.0, 0.0))
+
+
 def test_unknown_collider():
     """All ways to name one say which there are."""
     sim = drop()

@@ -20,7 +20,7 @@ tested against those of its own cell only. Planes, meshes and shapes that partic
 of are not in it, nor is anything in scenes of few colliders: these are tested without a grid.
 """
 
-from math import inf
+from math import inf, sqrt
 from typing import NamedTuple
 
 from collision_sim.core.jit import formula, inlined, kernel
@@ -92,29 +92,39 @@ def in_grid(table):
     return np.flatnonzero(bounded) if np.sum(bounded) >= MANY else np.empty(0, dtype=np.int64)
 
 
-def _extents(table, poses):
-    """Half edges (S, C, 3) [m] of the boxes along the axes that bound colliders."""
-    sizes, kinds = table[:, SIZE:SIZE + 3], table[:, KIND]
-    axes = np.abs(poses[:, :, :9].reshape(*poses.shape[:2], 3, 3))
-    boxes = axes @ sizes[:, :, None]
-    along = axes[:, :, :, 2] * sizes[:, 1:2]
-    across = np.sqrt(np.maximum(1.0 - np.square(axes[:, :, :, 2]), 0.0)) * sizes[:, :1]
-    return np.select(
-        [(kinds == kind)[None, :, None] for kind in BOUNDED],
-        [np.broadcast_to(sizes[None, :, :1], along.shape), boxes[..., 0],
-         along + sizes[:, :1], along + across])
+@kernel
+def _extent(kind, turns, row, pose, i):
+    """Half edge [m] along an axis of the box that bounds a collider, or all its turns."""
+    a, b, c = row[SIZE], row[SIZE + 1], row[SIZE + 2]
+    if turns:
+        return 1.5 * sqrt(a * a + b * b + c * c)
+    along = abs(pose[3 * i + 2])
+    if kind == SPHERE:
+        return a
+    if kind == BOX:
+        return abs(pose[3 * i]) * a + abs(pose[3 * i + 1]) * b + along * c
+    if kind == CAPSULE:
+        return along * b + a
+    return along * b + sqrt(max(1.0 - along * along, 0.0)) * a
 
 
-def _bounds(table, poses, motion, reach):
-    """Corners (C, 3) and (C, 3) of boxes that hold colliders during steps that are laid out."""
-    extents = _extents(table, poses)
-    if motion is not None:
-        turns = np.abs(motion[:, :, TURN:TURN + 3]).max(axis=(0, 2)) > 0.0
-        spheres = np.linalg.norm(table[:, SIZE:SIZE + 3], axis=1) * 1.5
-        extents = np.where(turns[None, :, None], spheres[None, :, None], extents)
-    places = poses[:, :, 9:]
-    extents = extents * (1.0 + 1e-12) + 16.0 * EPSILON * np.abs(places) + reach
-    return (places - extents).min(axis=0), (places + extents).max(axis=0)
+@formula
+def _bounds(which, table, poses, motion, reach, lows, highs):
+    """Write the corners (C, 3) of boxes that hold colliders during steps that are laid out."""
+    for m in range(which.shape[0]):
+        c = which[m]
+        kind, turns = int(table[c, KIND]), False
+        if motion is not None:
+            for s in range(motion.shape[0]):
+                for i in range(TURN, TURN + 3):
+                    turns = turns or motion[s, c, i] != 0.0
+        for i in range(3):
+            lows[c, i], highs[c, i] = inf, -inf
+            for s in range(poses.shape[0]):
+                extent, place = _extent(kind, turns, table[c], poses[s, c], i), poses[s, c, 9 + i]
+                extent = extent * (1.0 + 1e-12) + 16.0 * EPSILON * abs(place) + reach
+                lows[c, i] = min(lows[c, i], place - extent)
+                highs[c, i] = max(highs[c, i], place + extent)
 
 
 @kernel
@@ -164,12 +174,14 @@ def _fill(grid, lows, highs, which, fills):
                         grid.starts[cell + 1] += 1
 
 
-def make_grid(table, poses, motion, reach):
+def make_grid(which, table, poses, motion, reach):
     """
     Lay out a grid over the colliders of a scene.
 
     Parameters
     ----------
+    which : (K,) int64
+        Colliders that belong into it, of `in_grid`; at least one.
     table : (C, shapes.COLUMNS) float64
         The colliders.
     poses : (S + 1, C, 12) float64
@@ -181,14 +193,11 @@ def make_grid(table, poses, motion, reach):
 
     Returns
     -------
-    Grid or None
-        None where there are few colliders.
+    Grid
 
     """
-    which = in_grid(table)
-    if not len(which):
-        return None
-    lows, highs = _bounds(table, poses, motion, reach)
+    lows, highs = np.empty((len(table), 3)), np.empty((len(table), 3))
+    _bounds(which, table, poses, motion, reach, lows, highs)
     low, high = lows[which].min(axis=0), highs[which].max(axis=0)
     extent = np.maximum(high - low, 1e-9 * np.max(high - low))
     edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()

@@ -130,25 +130,26 @@ def rotation_matrix(q):
 
     """
     q = np.asarray(q, dtype=float)
-    return rotated_frames(q.reshape(-1, 4), np.eye(3)).reshape(*q.shape[:-1], 3, 3)
+    return rotated_frames(q.reshape(-1, 1, 4), np.eye(3)[None]).reshape(*q.shape[:-1], 3, 3)
 
 
 @law
-def rotated_frames(q, frame):
-    """Rotation matrices of unit quaternions (n, 4), times a frame (3, 3), as rows (n, 9)."""
-    rows, m = np.empty((len(q), 9)), np.empty((3, 3))
-    for n in range(len(q)):
-        x, y, z, w = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
-        m[0, 0], m[0, 1], m[0, 2] = \
-            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-        m[1, 0], m[1, 1], m[1, 2] = \
-            2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-        m[2, 0], m[2, 1], m[2, 2] = \
-            2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
-        for i in range(3):
-            for j in range(3):
-                rows[n, 3 * i + j] = \
-                    m[i, 0] * frame[0, j] + m[i, 1] * frame[1, j] + m[i, 2] * frame[2, j]
+def rotated_frames(q, frames):
+    """Rotation matrices of unit quaternions (S, C, 4), times frames (C, 3, 3); rows (S, C, 9)."""
+    rows, m = np.empty((*q.shape[:2], 9)), np.empty((3, 3))
+    for s in range(q.shape[0]):
+        for c in range(q.shape[1]):
+            x, y, z, w = q[s, c, 0], q[s, c, 1], q[s, c, 2], q[s, c, 3]
+            m[0, 0], m[0, 1], m[0, 2] = \
+                1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+            m[1, 0], m[1, 1], m[1, 2] = \
+                2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+            m[2, 0], m[2, 1], m[2, 2] = \
+                2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+            for i in range(3):
+                for j in range(3):
+                    rows[s, c, 3 * i + j] = m[i, 0] * frames[c, 0, j] \
+                        + m[i, 1] * frames[c, 1, j] + m[i, 2] * frames[c, 2, j]
     return rows
 
 

@@ -24,6 +24,7 @@ from itertools import pairwise
 from collision_sim.core.held_pose import HeldPose
 from collision_sim.core.pose_stream import PoseError, PoseStream, prepare
 from collision_sim.ros.messages import read_pose, SECOND
+import numpy as np
 
 AHEAD = 1.0     # s; a stamp further in the future is wrong
 
@@ -201,12 +202,15 @@ class PoseStreams:
         every = add_contacts is not None
         for first, last in pairwise(_cuts(tracks, len(times), every)):
             for name, track in tracks:
-                part = slice(first, last)
                 if track.teleport[first]:
                     simulation.place_collider(name, track.position[first],
                                               track.orientation[first])
-                simulation.move_collider(name, track.position[part], track.orientation[part],
-                                         pace * track.twist[part])
+            part = slice(first, last)
+            simulation.move_colliders(
+                [name for name, _ in tracks],
+                np.array([track.position[part] for _, track in tracks]),
+                np.array([track.orientation[part] for _, track in tracks]),
+                pace * np.array([track.twist[part] for _, track in tracks]))
             simulation.step(last - first)
             if every:
                 add_contacts(simulation.contacts)

@@ -82,6 +82,11 @@ def pose(time, stamp):
     return message
 
 
+def new_since(before, now):
+    """Give how many events a counter has counted since; a reset of the node sets it to 0."""
+    return now - before if now >= before else now
+
+
 class Watch:
     """A node in this process that moves the box and sees what becomes of the particles."""
 
@@ -90,6 +95,7 @@ class Watch:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.problems = Counter()
+        self._counts = Counter()        # of the node's own counters, when they were last told
         self.step_times = []            # p99 [ms] by the diagnostics, one a second
         self.messages = 0
         self.newest = b''
@@ -113,7 +119,9 @@ class Watch:
     def _read(self, message):
         for value in (value for status in message.status for value in status.values):
             if value.key in ('unplaced', 'frozen'):
-                self.problems[value.key] += int(value.value)
+                count = int(value.value)
+                self.problems[value.key] += new_since(self._counts[value.key], count)
+                self._counts[value.key] = count
             elif re.search('step.*p99', value.key):
                 self.step_times.append(float(value.value))
 

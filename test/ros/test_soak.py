@@ -35,6 +35,12 @@ def test_soak(request):
     assert 'ok    the same poses' in done.stdout and 'Traceback' not in done.stderr
 
 
+def test_a_problem_is_counted_once():
+    """Counters tell their sums each second, and start again at a reset."""
+    told = [0, 1, 1, 3, 0, 0, 2, 1]
+    assert sum(map(soak.new_since, told, told[1:])) == 1 + 2 + 2 + 1
+
+
 def test_what_grows_or_goes_wrong_is_told():
     class Seen:
         problems = {'not finite': 1, 'unplaced': 0}
