@@ -37,7 +37,7 @@ from collision_sim.core.exact_ledger import book_path
 from collision_sim.core.extrapolation import ROWS
 from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book, book_collision, book_flight, book_impulse, book_shift,
                                        kinetic, REPULSED, RESTITUTED)
@@ -54,7 +54,6 @@ from collision_sim.core.sustained import (choose_mode, FLIES, NOBODY, normal_at,
                                           SLIDES, square_up, touched, ZERO)
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import add, add_scaled, dot, EPSILON, is_finite, length, subtract
-from numba import njit
 import numpy as np
 
 EVENTS = 100_000        # most events of a particle in a step
@@ -315,7 +314,7 @@ def _step_particle(rules, forces, here, table, poses, motion, courses, work, log
     return (x1, v1) if is_finite(x1, v1) else freeze(accounts, here.block, x0)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def step_events(posted, counters, rules, forces, duration, steps, table, poses, motion, courses,
                 radius, log, accounts, notes, x, v, ledger):
     """

@@ -31,13 +31,12 @@ from collision_sim.core.cells import (cell_width, count_level, count_slots, EXTE
                                       POINTS, slot_of, SLOTS, slots_in, start_slots, STRIDE_Y,
                                       STRIDE_Z)
 from collision_sim.core.flight import fly
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.ledger import book_flight
 from collision_sim.core.rules import Here
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import dot
-from numba import njit
 import numpy as np
 
 LARGEST, BOUNDS = 6, 7  # columns of the bounds of a block: lowest x, y, z, highest, extent
@@ -162,7 +161,7 @@ def _measure(level, chunk_counts, chunk, extent, bounds, first, last):
         chunk_counts[chunk, 0] = last - first
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies, sweep, flight,
                   ledger, base, x, v, candidates, centre, extent):
     """
@@ -351,7 +350,7 @@ def find_in_piece(cells, near, piece, queue):
     near.count[piece] = _test(cells, queue, waiting, near, piece, count)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def find_near(posted, counters, pieces, cells, near):
     """
     Find all pairs that are near each other, piece by piece of the sorted particles.

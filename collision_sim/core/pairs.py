@@ -37,7 +37,7 @@ from typing import NamedTuple, Optional
 
 from collision_sim.core.candidates import fly_anew
 from collision_sim.core.impulses import dry_factor, wet_factor
-from collision_sim.core.jit import inlined, kernel, LAW
+from collision_sim.core.jit import entry, inlined, kernel, law
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, INTERNAL, kinetic
 from collision_sim.core.neighbours import LOW_BITS
@@ -46,7 +46,6 @@ from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled, subtract)
-from numba import njit
 import numpy as np
 
 MOST_HITS = 10          # of a particle in a step
@@ -212,7 +211,7 @@ def _list_piece(sweep, slow, dt, matter, cells, near, piece, first, x, v, candid
             look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def list_meetings(posted, counters, sweep, slow, dt, matter, cells, near, first, x, v,
                   candidates, meetings):
     """
@@ -325,7 +324,7 @@ def _forget(meetings, count):
         meetings.first[meetings.ends[p, SECOND]] = NONE
 
 
-@njit(**LAW)
+@law
 def collide_all(sweep, rules, flight, matter, ledger, x, v, candidates, meetings, count,
                 accounts):
     """

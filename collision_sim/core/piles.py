@@ -39,7 +39,7 @@ from collision_sim.core.candidates import fly_anew
 from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, CONTACTS, ENDING, FREE,
                                                IMPULSE, INVERSE, KEPT, LAW_ROW, MEAN, NORMAL,
                                                PAIRS, PIECE, PUSH, push, put_at, SIZE, solve)
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.motion import point_velocity, START
@@ -51,7 +51,6 @@ from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
-from numba import njit
 
 
 @kernel
@@ -203,7 +202,7 @@ def _end(rules, dry, laws, ledger, part, poses, motion, x, v, candidates, pile, 
                   log, accounts)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def settle(posted, counters, work, rules, pair_rules, dry, wet, table, poses, motion, matter,
            ledger, x, v, candidates, meetings, count, pile, memory, log, accounts):
     """

@@ -23,9 +23,10 @@ from typing import NamedTuple, Optional
 
 from collision_sim.core.broad_phase import Grid
 from collision_sim.core.candidates import Candidates
+from collision_sim.core.jit import law
 from collision_sim.core.ledger import Ledger
 from collision_sim.core.rules import Rules
-from numba import config, njit, types
+from numba import config, types
 from numba.experimental import structref
 import numpy as np
 
@@ -75,7 +76,7 @@ else:
 
     structref.define_proxy(Plan, PlanType, list(Parts._fields))
 
-    @njit(cache=True)
+    @law
     def make_plan(parts):
         """
         Keep the parts where compiled code finds them.

@@ -39,13 +39,12 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.flight import fly
-from collision_sim.core.jit import formula, kernel
+from collision_sim.core.jit import entry, formula, kernel
 from collision_sim.core.ledger import book, book_flight, INTERNAL, kinetic
 from collision_sim.core.rules import Here
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
-from numba import njit
 import numpy as np
 
 STIFFNESS, REST, DAMPING = range(3)     # columns of the law of a spring
@@ -238,7 +237,7 @@ def _end_block(springs, dt, ledger, block, candidates, reached, foreseen):
         _write(candidates.w, i, w)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def begin_steps(posted, counters, springs, flight, ledger, x, v, candidates, reached, foreseen):
     """
     First half of an explicit step of all particles, block by block.
@@ -270,7 +269,7 @@ def begin_steps(posted, counters, springs, flight, ledger, x, v, candidates, rea
     fetch_add(counters, LEFT, 1)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def end_steps(posted, counters, springs, dt, ledger, candidates, reached, foreseen):
     """
     Second half of an explicit step of all particles, block by block.

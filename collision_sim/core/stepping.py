@@ -25,7 +25,7 @@ from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect
                                        take_velocities)
 from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
-from collision_sim.core.jit import kernel, widest_vectors
+from collision_sim.core.jit import entry, kernel, widest_vectors
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
@@ -35,7 +35,6 @@ from collision_sim.core.threads import (DONE, fetch_add, FIRST, NO_PIECE, piece_
                                         SERIAL, TICKET, wait_for_job, wait_until_done)
 from collision_sim.core.trajectory import sweep_margin
 from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
-from numba import njit
 import numpy as np
 
 BLOCK = 1024            # particles; their scratch fits the second-level cache
@@ -182,7 +181,7 @@ def step_block(grid, rules, steps, row, block, upcoming, table, poses, motion, r
         _take(lean, rules.flight, clear, px, py, pz, vx, vy, vz, new)
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def step_blocks(job, pieces, steps, row, looks, plan):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.

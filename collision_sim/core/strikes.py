@@ -25,13 +25,12 @@ of frequency w it brings the relative energy 2 (w dt)^2 with each bounce.
 
 from collision_sim.core.blocks import radius_at
 from collision_sim.core.detection import detect
-from collision_sim.core.jit import kernel
+from collision_sim.core.jit import entry, kernel
 from collision_sim.core.response import collide
 from collision_sim.core.rules import Here
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import add_scaled
-from numba import njit
 
 
 @kernel
@@ -51,7 +50,7 @@ def _strike_block(rules, block, table, poses, motion, radius, log, accounts, led
             v[0, i], v[1, i], v[2, i] = after
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
+@entry
 def strike_blocks(posted, counters, rules, table, poses, motion, radius, log, accounts, ledger,
                   candidates, x, v):
     """

@@ -30,8 +30,8 @@ from threading import Thread
 import time
 import traceback
 
-from collision_sim.core.jit import kernel
-from numba import config, njit, types
+from collision_sim.core.jit import entry, kernel
+from numba import config, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_untracked
 from numba.extending import intrinsic
@@ -86,7 +86,7 @@ else:
         return types.int64(array, types.intp, types.int64), _atomic('xchg')
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@entry
 def _watch_for_work(posted, seen, looks):
     """Return when there may be work, or after a number of looks."""
     for _ in range(looks):
@@ -95,7 +95,7 @@ def _watch_for_work(posted, seen, looks):
         _sched_yield()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@entry
 def _watch_the_last(counters, looks):
     """Whether all that have entered a job have left it, after at most a number of looks."""
     for _ in range(looks):
@@ -105,7 +105,7 @@ def _watch_the_last(counters, looks):
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@entry
 def finish(progress, phase, pieces):
     """
     Return when all pieces of a phase of a shared job are done.

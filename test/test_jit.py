@@ -1,0 +1,50 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is compiled: where it comes from, and that it is never older than its source."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import collision_sim
+import pytest
+
+RADIUS = 'from collision_sim.core.shapes import sphere; print(sphere((0.0, 3.0, 4.0), 1.0)[0])'
+
+
+@pytest.mark.jit
+def test_a_change_in_one_file_renews_what_others_make_of_it(tmp_path):
+    """A ball's distance comes from shapes.py; the length it is made with is in vectors.py."""
+    package = tmp_path / 'collision_sim'
+    shutil.copytree(Path(collision_sim.__file__).parent, package,
+                    ignore=shutil.ignore_patterns('__pycache__'))
+    environment = {**os.environ, 'PYTHONPATH': str(tmp_path),
+                   'NUMBA_CACHE_DIR': str(tmp_path / 'cache')}
+
+    def distance():
+        return float(subprocess.run([sys.executable, '-c', RADIUS], env=environment, check=True,
+                                    cwd=tmp_path, capture_output=True, text=True).stdout)
+
+    assert distance() == 4.0
+    cached = {path: path.stat().st_mtime_ns for path in (tmp_path / 'cache').rglob('*.nb[ic]')}
+    assert cached and distance() == 4.0
+    assert cached == {path: path.stat().st_mtime_ns for path in cached}
+    vectors = package / 'core' / 'vectors.py'
+    source = vectors.read_text()
+    vectors.write_text(source.replace('return sqrt(square)', 'return 2.0 * sqrt(square)'))
+    assert vectors.read_text() != source
+    assert distance() == 9.0
