@@ -19,8 +19,8 @@ from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
+from collision_sim.core.pair_memory import Memory
 from collision_sim.core.pairs import collide_all, list_meetings, Matter, Meetings, PairRules
-from collision_sim.core.pile_contacts import Memory
 from collision_sim.core.piles import settle
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
@@ -56,7 +56,7 @@ class PairSolver:
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
         self._cells = None
         self._meetings = Meetings(
-            np.empty((0, 2), dtype=np.int32), np.empty(0), np.empty((0, 3)),
+            np.empty((0, 2), dtype=np.int32), _nobody(0), np.empty(0), np.empty((0, 3)),
             _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32),
             np.empty((3, count)))
         self._pile = make_pile(0, 0, _nobody(count))
@@ -114,7 +114,8 @@ class PairSolver:
             self._make_room(2 * pairs)
         shared = parts.x, parts.v, candidates, self._meetings
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
-              self._matter, self._cells, self._near, ends - self._near.count[:pieces], *shared)
+              self._matter, self._memory, self._cells, self._near,
+              ends - self._near.count[:pieces], *shared)
         collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger, *shared,
                     pairs, parts.accounts)
         share(settle, threads, make_work(self._sweeps, self._rules.slow), rules,
@@ -134,8 +135,8 @@ class PairSolver:
         supports = MOST_SUPPORTS * bodies
         contacts = pairs + supports
         self._meetings = Meetings(
-            np.empty((pairs, 2), dtype=np.int32), np.empty(pairs), np.empty((pairs, 3)),
-            *self._meetings[3:])
+            np.empty((pairs, 2), dtype=np.int32), _nobody(pairs), np.empty(pairs),
+            np.empty((pairs, 3)), *self._meetings[4:])
         self._pile = make_pile(bodies + supports, contacts, self._pile.body)
         old, known = self._memory, self._memory.size[0]
         self._memory = Memory(

@@ -17,12 +17,12 @@
 The collision stage between particles: elastic, on the velocities at the start of the step.
 
 Two particles collide if they overlap where their candidates end (with sweeps: meet on the way) and
-approach each other, faster than gravity makes it in a step: else they are in contact, and bounces
-that take less than two steps would keep a pile rattling. Then each gets its part, by the masses,
-of one change of their relative velocity: restitution along the normal, friction along the surface.
-So the momentum of a pair is conserved to rounding, and with restitution 1 and without friction its
-energy. Balls do not spin: friction at their surfaces does not conserve angular momentum about
-their centres.
+approach each other. Who pressed on each other when the last step ended stays in contact, unless
+they approach faster than gravity makes it in a step: what the sweeps of a pile have left of an
+approach is no collision. Each gets its part, by the masses, of one change of their relative
+velocity: restitution along the normal, friction along the surface. So the momentum of a pair is
+conserved to rounding, and with restitution 1 and without friction its energy. Balls do not spin:
+friction at their surfaces does not conserve angular momentum about their centres.
 
 Of several collisions of one particle the deepest comes first (with sweeps: the earliest). In each
 round the pairs respond that come first for both of their particles; their candidates are flown
@@ -41,6 +41,7 @@ from collision_sim.core.jit import entry, inlined, kernel, law
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, INTERNAL, kinetic
 from collision_sim.core.neighbours import LOW_BITS
+from collision_sim.core.pair_memory import recall
 from collision_sim.core.rules import Here, N_PAIR_COLLISION, NONE, ROUNDING
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
@@ -64,8 +65,8 @@ class PairRules(NamedTuple):
     What pairs do; absent friction is None.
 
     laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: 1 if pairs
-    have such friction; slow [m/s]: what gravity does in a step, up to which who approaches is in
-    contact and does not collide; part [-]: what the mean velocity gets of what a constant force
+    have such friction; slow [m/s]: what gravity does in a step, up to which who pressed on
+    each other does not collide; part [-]: what the mean velocity gets of what a constant force
     gives to the end velocity.
     """
 
@@ -80,13 +81,15 @@ class Meetings(NamedTuple):
     """
     The pairs that are near each other: scratch.
 
-    ends (P, 2) int32: their particles; order (P,) float64: which comes first, inf for those that
-    do not collide; normal (P, 3) [-]: from the second to the first; first (N,) int32: the pair
-    that comes first for a particle; moved, hits (N,) int32: the round in which it has collided
-    last, and how often it has; before (3, N) [m/s]: its velocity before it has.
+    ends (P, 2) int32: their particles; known (P,) int32: row of the memory, NONE for those that
+    did not press; order (P,) float64: which comes first, inf for those that do not collide; normal
+    (P, 3) [-]: from the second to the first; first (N,) int32: the pair that comes first for a
+    particle; moved, hits (N,) int32: the round in which it has collided last, and how often it
+    has; before (3, N) [m/s]: its velocity before it has.
     """
 
     ends: np.ndarray
+    known: np.ndarray
     order: np.ndarray
     normal: np.ndarray
     first: np.ndarray
@@ -181,7 +184,9 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
-    least = max(slow, ROUNDING * (largest(vi) + largest(vj)))
+    least = ROUNDING * (largest(vi) + largest(vj))
+    if meetings.known[p] != NONE:
+        least = max(least, slow)
     if not dot(n, relative) < -least or (
             max(meetings.hits[i], meetings.hits[j]) >= MOST_HITS):
         order = inf
@@ -197,14 +202,15 @@ def can_meet(matter, i, j):
 
 
 @kernel
-def _list_piece(sweep, slow, dt, matter, cells, near, piece, first, x, v, candidates, meetings):
+def _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first, x, v, candidates,
+                meetings):
     """List the pairs that have been found in a piece, from row `first` on."""
     for k in range(near.count[piece]):
         i = cells.particle[near.found[piece, k] >> 32]
         j = cells.particle[near.found[piece, k] & LOW_BITS]
         p = first + k
         meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
-        meetings.order[p] = inf
+        meetings.order[p], meetings.known[p] = inf, recall(memory, i, j)
         if can_meet(matter, i, j):
             put(meetings.before, i, column(v, i))
             put(meetings.before, j, column(v, j))
@@ -212,7 +218,7 @@ def _list_piece(sweep, slow, dt, matter, cells, near, piece, first, x, v, candid
 
 
 @entry
-def list_meetings(posted, counters, sweep, slow, dt, matter, cells, near, first, x, v,
+def list_meetings(posted, counters, sweep, slow, dt, matter, memory, cells, near, first, x, v,
                   candidates, meetings):
     """
     List the pairs that have been found near each other, and look at each.
@@ -225,6 +231,8 @@ def list_meetings(posted, counters, sweep, slow, dt, matter, cells, near, first,
         As in `collide_all`.
     slow : float [m/s]
         Of PairRules.
+    memory : pair_memory.Memory
+        Of the last step.
     dt : float [s]
         Length of the step.
     first : (pieces,) int64
@@ -235,7 +243,7 @@ def list_meetings(posted, counters, sweep, slow, dt, matter, cells, near, first,
     fetch_add(counters, ENTERED, 1)
     piece = fetch_add(counters, CLAIMED, 1)
     while piece < first.shape[0]:
-        _list_piece(sweep, slow, dt, matter, cells, near, piece, first[piece], x, v,
+        _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first[piece], x, v,
                     candidates, meetings)
         piece = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -19,38 +19,20 @@ Between particles, and with the colliders that may carry them. The bounds of the
 are said in piles.py.
 """
 
-from typing import NamedTuple
-
-from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE, KEPT,
-                                               KEPT_IMPULSE, LAW_ROW, MASS, MEAN, MEAN_BOUND,
-                                               NORMAL, PUSH, push, put_at)
+from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, ENOUGH, FREE, IMPULSE,
+                                               INVERSE, KEPT, KEPT_IMPULSE, LAW_ROW, MASS, MEAN,
+                                               MEAN_BOUND, NORMAL, PUSH, push, put_at)
 from collision_sim.core.detection import starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
+from collision_sim.core.pair_memory import forget, keep, recall
 from collision_sim.core.pairs import apart_at_end, can_meet, column, direction, FIRST, SECOND
 from collision_sim.core.rules import Here, NONE, ROUNDING
 from collision_sim.core.shapes import signed_distance
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
-import numpy as np
 
 SUPPORT_REACH = 0.25    # share of a radius within which a collider may carry a particle
-
-
-class Memory(NamedTuple):
-    """
-    Impulses of the last step.
-
-    size (1,) int64: how many; key (C, 2) int64: particle with the smaller index and the other one,
-    or N plus a collider; impulses (C, 3) [N s]: on the first; other (C,) int32, head
-    (N,) int32: the last one of each particle, and of each the one before.
-    """
-
-    size: np.ndarray
-    key: np.ndarray
-    impulses: np.ndarray
-    other: np.ndarray
-    head: np.ndarray
 
 
 @kernel
@@ -69,43 +51,33 @@ def _body_of(pile, size, candidates, inverse, i):
 
 
 @inlined
-def _recall(memory, i, j):
-    """Row of the impulses of the last step between particle i and j, or N plus a collider."""
-    row = memory.head[i]
-    while row != NONE:
-        if memory.key[row, 1] == j:
-            return row
-        row = memory.other[row]
-    return NONE
-
-
-@inlined
-def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, i, j):
-    """Write contact c between bodies a and b, with the impulses that i and j had on each other."""
+def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, known, sign):
+    """Write contact c between bodies a and b, with the impulse of a row of the memory on a."""
     bodies, contacts = pile.bodies, pile.contacts
     pile.ends[c, FIRST], pile.ends[c, SECOND], pile.ends[c, LAW_ROW] = a, b, law
     put_at(contacts, c, NORMAL, n)
     contacts[c, MASS] = 1.0 / (bodies[a, INVERSE] + bodies[b, INVERSE])
     contacts[c, MEAN_BOUND], contacts[c, END_BOUND] = mean_bound, end_bound
-    row, impulse = _recall(memory, min(i, j), max(i, j)), (0.0, 0.0, 0.0)
-    if row != NONE:
-        impulse = scaled(1.0 if i < j else -1.0, at(memory.impulses, row, 0))
+    impulse = (0.0, 0.0, 0.0)
+    if known != NONE:
+        impulse = scaled(sign, at(memory.impulses, known, 0))
     put_at(contacts, c, IMPULSE, impulse)
     put_at(contacts, c, KEPT_IMPULSE, impulse)
-    contacts[c, PUSH] = 0.0
     push(bodies, a, b, ENDING, impulse)
 
 
 @inlined
-def _end_bound(pair_rules, v_n, gap, mean):
+def _end_bound(part, rests, v_n, gap, mean):
     """Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there."""
-    if gap > 0.0 and v_n < -pair_rules.slow:
+    if rests:
+        return 0.0
+    if gap > 0.0 and v_n < 0.0:
         return v_n
-    return min((mean - (1.0 - pair_rules.part) * v_n) / pair_rules.part, 0.0)
+    return min((mean - (1.0 - part) * v_n) / part, 0.0)
 
 
 @inlined
-def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, n, gap):
+def _pair_bounds(rules, part, dt, size, x, v, candidates, i, j, rests, n, gap):
     """Bounds of the normal velocities of a pair with a gap [m] at the end of its candidates."""
     xi, xj = column(x, i), column(x, j)
     depth = size - length(subtract(xi, xj))
@@ -114,7 +86,7 @@ def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, n, gap):
     else:
         mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
     v_n = dot(n, subtract(column(v, i), column(v, j)))
-    return mean, _end_bound(pair_rules, v_n, gap, mean)
+    return mean, _end_bound(part, rests, v_n, gap, mean)
 
 
 @kernel
@@ -128,11 +100,13 @@ def list_pairs(rules, pair_rules, law, matter, meetings, count, x, v, candidates
         distance, n = direction(apart_at_end(dt, x, candidates, i, j),
                                 subtract(column(v, i), column(v, j)))
         if distance - extent <= reach and can_meet(matter, i, j):
-            mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
-                                     n, distance - extent)
+            known = meetings.known[p]
+            mean, end = _pair_bounds(rules, pair_rules.part, dt, extent, x, v, candidates, i, j,
+                                     known != NONE, n, distance - extent)
             a, size = _body_of(pile, size, candidates, matter.inverse, i)
             b, size = _body_of(pile, size, candidates, matter.inverse, j)
-            _add_contact(pile, memory, c, a, b, law, n, mean, end, i, j)
+            _add_contact(pile, memory, c, a, b, law, n, mean, end, known,
+                         1.0 if i < j else -1.0)
             c += 1
     return size, c
 
@@ -153,7 +127,10 @@ def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candid
     if not gap <= SUPPORT_REACH * here.radius:
         return size, count
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
-    if dot(n, subtract(column(before, i), first)) < -pair_rules.slow:
+    known, least = recall(memory, i, x.shape[1] + c), ROUNDING * largest(column(before, i))
+    if known != NONE:
+        least = pair_rules.slow
+    if dot(n, subtract(column(before, i), first)) < -least:
         return size, count
     depth = starts_inside(rules, here, table, poses, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
@@ -162,13 +139,13 @@ def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candid
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n = dot(n, subtract(column(v, i), first))
-    end = _end_bound(pair_rules, v_n, gap, mean)
+    end = _end_bound(pair_rules.part, known != NONE, v_n, gap, mean)
     put_at(pile.bodies, size, MEAN, obj)
     put_at(pile.bodies, size, ENDING, last)
     put_at(pile.bodies, size, FREE, last)
     put_at(pile.bodies, size, KEPT, last)
     pile.bodies[size, INVERSE] = 0.0
-    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, i, x.shape[1] + c)
+    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
     return size + 1, count + 1
 
 
@@ -190,24 +167,12 @@ def list_supports(rules, pair_rules, table, poses, motion, radius, x, v, before,
 
 
 @kernel
-def forget(memory):
-    """Empty the lists of the last step's impulses."""
-    for row in range(memory.size[0]):
-        memory.head[memory.key[row, 0]] = NONE
-    memory.size[0] = 0
-
-
-@kernel
-def remember(pile, memory, count, bodies):
-    """Keep the impulses for the next step."""
+def remember(pile, memory, count, bodies, slow):
+    """Keep the contacts that press at the end for the next step; by more than rounding does."""
     forget(memory)
     particles = memory.head.shape[0]
     for c in range(count):
-        a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
-        i = pile.particle[a]
-        j = pile.particle[b] if b < bodies else particles + pile.ends[c, LAW_ROW]
-        sign = 1.0 if i < j else -1.0
-        memory.key[c, 0], memory.key[c, 1] = min(i, j), max(i, j)
-        put_at(memory.impulses, c, 0, scaled(sign, at(pile.contacts, c, IMPULSE)))
-        memory.other[c], memory.head[min(i, j)] = memory.head[min(i, j)], c
-    memory.size[0] = count
+        if pile.contacts[c, PUSH] > ENOUGH * slow * pile.contacts[c, MASS]:
+            b = pile.ends[c, SECOND]
+            other = pile.particle[b] if b < bodies else particles + pile.ends[c, LAW_ROW]
+            keep(memory, pile.particle[pile.ends[c, FIRST]], other, at(pile.contacts, c, IMPULSE))

@@ -19,12 +19,14 @@ The contact stage between particles: piles, solved together with the colliders t
 Inelastic, and over the whole step. A contact is between two particles that are closer than
 gravity moves them in a step where their candidates end. Its impulse, with friction, acts on the
 end velocities w: these approach each other no faster than lets the two just touch where the step
-ends, and after that not at all. Who comes down fast is for the next collision stage and keeps its
-speed. The mean velocity u gets the part of that impulse that a constant force over the step would
-give it, so that what rests stays at rest; then those that would still end closer than touching are
-pushed apart along their normal. Who started the step overlapping is pushed by laws.repulsion. The
-push is without friction and is not kept by the end velocity: friction that acts on it would wedge
-a pile up, with impulses that grow from sweep to sweep, and would shoot balls out of it.
+ends; those that pressed on each other when the last step ended do not approach at all, so that
+gaps that rounding and the sweeps leave set nothing in motion. Who comes down and does not meet
+anybody yet is for the next collision stage and keeps its speed. The mean velocity u gets the part
+of that impulse that a constant force over the step would give it; then its normal impulses are
+solved for once more, so that those that press just touch where the step ends. Who started the step
+overlapping is pushed by laws.repulsion. These pushes are without friction and are not kept by the
+end velocity: friction that acts on them would wedge a pile up, with impulses that grow from sweep
+to sweep, and would shoot balls out of it.
 
 The impulses are those of contact_solver.py; they start from those of the last step. Colliders take
 part as bodies of infinite mass, so that the floor carries the pile, and what they do to it is
@@ -37,7 +39,8 @@ Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at
 
 from collision_sim.core.candidates import fly_anew
 from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, CONTACTS, ENDING, FREE,
-                                               IMPULSE, INVERSE, KEPT, LAW_ROW, MEAN, NORMAL,
+                                               IMPULSE, INVERSE, KEPT, KEPT_IMPULSE,
+                                               LAW_ROW, MEAN, NORMAL,
                                                PAIRS, PIECE, PUSH, push, put_at, SIZE, solve)
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
@@ -65,9 +68,8 @@ def _book(ledger, dt, i, before, after, shift):
 @inlined
 def _mean_impulse(part, pile, c):
     """Impulse [N s] of contact c on the mean velocities."""
-    contacts = pile.contacts
-    return add_scaled(scaled(part, at(contacts, c, IMPULSE)), contacts[c, PUSH],
-                      at(contacts, c, NORMAL))
+    impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
+    return add_scaled(scaled(part, impulse), pile.contacts[c, PUSH] - part * dot(impulse, n), n)
 
 
 @kernel
@@ -92,9 +94,10 @@ def _hand_on(ledger, part, dt, candidates, pile, bodies, pairs):
 
 
 @inlined
-def _presses(part, pile, c):
+def _presses(pile, c):
     """Whether contact c pushes its particles apart."""
-    return dot(_mean_impulse(part, pile, c), at(pile.contacts, c, NORMAL)) > 0.0
+    impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
+    return pile.contacts[c, PUSH] > 0.0 or dot(impulse, n) > 0.0
 
 
 @inlined
@@ -171,31 +174,35 @@ def _list(rules, pair_rules, table, poses, motion, matter, x, v, candidates, mee
 @kernel
 def _lay_out_means(work, phase, part, pile):
     """Give the mean velocities the part of all impulses that is theirs; the next phase."""
-    bodies, size, progress = pile.bodies, work.numbers[SIZE], work.progress
+    bodies, contacts, progress = pile.bodies, pile.contacts, work.progress
+    size, count = work.numbers[SIZE], work.numbers[CONTACTS]
     piece = fetch_add(progress, 2 * phase, 1)
-    while piece * PIECE < size:
+    while piece * PIECE < max(size, count):
         for a in range(piece * PIECE, min((piece + 1) * PIECE, size)):
             change = subtract(at(bodies, a, ENDING), at(bodies, a, FREE))
             u = add_scaled(at(bodies, a, MEAN), part, change)
             put_at(bodies, a, MEAN, u)
             put_at(bodies, a, KEPT, u)
+        for c in range(piece * PIECE, min((piece + 1) * PIECE, count)):
+            pushing = part * dot(at(contacts, c, IMPULSE), at(contacts, c, NORMAL))
+            contacts[c, PUSH] = contacts[c, KEPT_IMPULSE] = pushing
         fetch_add(progress, 2 * phase + 1, 1)
         piece = fetch_add(progress, 2 * phase, 1)
-    finish(progress, phase, -(-size // PIECE))
+    finish(progress, phase, -(-max(size, count) // PIECE))
     return phase + 1
 
 
 @kernel
-def _end(rules, dry, laws, ledger, part, poses, motion, x, v, candidates, pile, memory, numbers,
-         log, accounts):
+def _end(rules, dry, laws, ledger, part, slow, poses, motion, x, v, candidates, pile, memory,
+         numbers, log, accounts):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS]
     for c in range(pairs):
-        accounts[0, N_PAIR_CONTACT] += _presses(part, pile, c)
-    remember(pile, memory, contacts, bodies)
+        accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
+    remember(pile, memory, contacts, bodies, slow)
     _hand_on(ledger, part, rules.flight.dt, candidates, pile, bodies, pairs)
     for c in range(pairs, contacts):
-        if _presses(part, pile, c):
+        if _presses(pile, c):
             i = pile.particle[pile.ends[c, FIRST]]
             here = Here(0, 0, 0, i // BLOCK, i, 0.0, None)
             _lean(rules, dry, laws, ledger, here, part, poses, motion, x, v, candidates, pile, c,
@@ -241,6 +248,6 @@ def settle(posted, counters, work, rules, pair_rules, dry, wet, table, poses, mo
     phase = _lay_out_means(work, phase, part, pile)
     phase = solve(1, work, phase, None, None, laws, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:
-        _end(rules, dry, laws, ledger, part, poses, motion, x, v, candidates, pile, memory,
-             numbers, log, accounts)
+        _end(rules, dry, laws, ledger, part, work.slow, poses, motion, x, v, candidates, pile,
+             memory, numbers, log, accounts)
     fetch_add(counters, LEFT, 1)

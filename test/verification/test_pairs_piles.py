@@ -23,9 +23,9 @@ RADIUS, DT = 0.02, 1 / 240
 
 
 def pile(position, *, radius=RADIUS, mass=1.0, restitution=0.3, friction=0.3, colliders=None,
-         **keys):
+         velocity=(0.0, 0.0, 0.0), **keys):
     """Simulate balls that fall on a floor, or on other colliders."""
-    return simulate([plane()] if colliders is None else colliders, position, dt=DT,
+    return simulate([plane()] if colliders is None else colliders, position, velocity, dt=DT,
                     particles={'radius': radius, 'mass': mass},
                     pairs={'restitution': restitution}, friction={'dry': friction},
                     restitution=restitution, **keys)
@@ -173,6 +173,29 @@ def test_light_ball_bounces_off_a_resting_one():
         assert abs(speed - 0.8 * np.sqrt(2 * G * height)) < 2 * G * DT
 
 
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.9])
+def test_slow_balls_keep_their_restitution(share):
+    """Two that approach slower than gravity makes it in a step collide: there is no threshold."""
+    speed = 0.5 * share * G * DT
+    sim = pile([[-1.001 * RADIUS, 0, 5], [1.001 * RADIUS, 0, 5]], restitution=0.8,
+               velocity=[[speed, 0, 0], [-speed, 0, 0]])
+    sim.step(60)
+    assert np.allclose(sim.velocity[:, 0], [-0.8 * speed, 0.8 * speed], rtol=1e-12)
+    assert sim.counters['pair_collisions'] == 1
+
+
+@pytest.mark.parametrize('speed', [0.01, 1.0])
+def test_cradle_on_a_floor(speed):
+    """Of five balls that lie in a row only the last one leaves, also if they are slow."""
+    position = np.zeros((5, 3))
+    position[:, 0], position[:, 2] = 2 * RADIUS * np.arange(5), RADIUS
+    position[0, 0] -= 20.5 * DT * speed
+    sim = pile(position, restitution=1.0, friction=0.0,
+               velocity=[[speed, 0, 0]] + [[0, 0, 0]] * 4)
+    sim.step(40)
+    assert np.allclose(sim.velocity / speed, [[0, 0, 0]] * 4 + [[1, 0, 0]], rtol=0, atol=1e-12)
+
+
 def test_friction_holds_a_ball_on_an_inclined_pair():
     """Two balls side by side on a slope stick with enough friction, and slide without."""
     slope = 0.2
@@ -228,6 +251,16 @@ def test_heap_with_friction_rests_and_stays():
     assert max(speeds) < 1e-4
     assert np.abs(sim.position - before).max() < 1e-3 * RADIUS
     assert overlap(sim) < 1e-3
+
+
+@pytest.mark.jit
+def test_heap_without_friction_rests():
+    """The median speed in a heap of 200 without friction is below 1e-4 m/s after 4 s."""
+    position, _, _, walls = poured(200)
+    sim = pile(position, friction=0.0, colliders=walls, contacts=False)
+    sim.step(960)
+    assert np.median(np.linalg.norm(sim.velocity, axis=1)) < 1e-4
+    assert overlap(sim) < 0.01
 
 
 @pytest.mark.jit
