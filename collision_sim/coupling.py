@@ -24,12 +24,14 @@ from collision_sim.core.motion import subdivide
 from collision_sim.core.plan import make_plan
 from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED
 from collision_sim.core.springs import elastic_energy
-from collision_sim.core.stepping import FEW, step_blocks
+from collision_sim.core.stepping import step_blocks
 from collision_sim.core.strikes import strike_blocks
 from collision_sim.core.threads import Crew, share
 from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 import numpy as np
+
+FEW = 3                 # blocks; for fewer a second thread costs more than it brings
 
 
 class Coupling:

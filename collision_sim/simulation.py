@@ -29,7 +29,7 @@ from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                       N_LOGGED, NONE, NORMAL, NOTES, POINT)
 from collision_sim.core.shapes import distances
-from collision_sim.core.stepping import BLOCK, EVENT_BLOCK, FEW, step_blocks
+from collision_sim.core.stepping import BLOCK, block_size, EVENT_BLOCK, step_blocks
 from collision_sim.core.threads import Crew, share
 from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
@@ -93,7 +93,7 @@ class Simulation:
         self._meshes = mesh_tables(scene)
         self._x = np.empty((3, len(scene.particles.position)))
         self._v = np.empty_like(self._x)
-        self._block = EVENT_BLOCK if scene.stepping.method == 'exact' else BLOCK
+        self._block = self._size_of_blocks(scene)
         blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
@@ -105,6 +105,15 @@ class Simulation:
         self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
         self.reset()
+
+    @staticmethod
+    def _size_of_blocks(scene):
+        """Particles of a block."""
+        if scene.stepping.method == 'exact':
+            return EVENT_BLOCK
+        if scene.pairs or scene.springs:
+            return BLOCK
+        return block_size(len(scene.particles.position))
 
     def _adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
@@ -195,7 +204,7 @@ class Simulation:
     @property
     def contacts(self):
         """Contacts of the last step; none where `record_contacts` was off."""
-        rows = [self._log[b, :n] for b, n in enumerate(self._accounts[:, N_LOGGED])] \
+        rows = [self._log[b, :, :n].T for b, n in enumerate(self._accounts[:, N_LOGGED])] \
             if self._log is not None else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
         log = log[np.argsort(log[:, 0], kind='stable')]
@@ -314,7 +323,7 @@ class Simulation:
         """Run the kernels over all blocks of particles."""
         if self.record_contacts != (self._log is not None):
             rows = self._block * min(len(self._table), MOST_CONTACTS)
-            self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
+            self._log = np.empty((len(self._accounts), LOG, rows)) if self.record_contacts \
                 else None
             self._plan = None
         threads, colliders = self._threads or numba.get_num_threads(), self._colliders
@@ -329,7 +338,6 @@ class Simulation:
             self._coupling.step(self._parts(rules, colliders.poses, colliders.motion), steps,
                                 colliders.row, threads)
             return
-        threads = threads if len(self._accounts) > FEW else 1
         if self._plan is None or self._laid_out != colliders.laid_out:
             self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
             self._crew = Crew(step_blocks, self._plan)
@@ -339,7 +347,8 @@ class Simulation:
     def _parts(self, rules, poses, motion):
         """Give what a plan is made of."""
         return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
-                     self._notes, self._x, self._v, self._ledger, None, self._colliders.grid)
+                     self._notes, self._x, self._v, self._ledger, None, self._colliders.grid,
+                     self._block)
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -40,7 +40,7 @@ class Parts(NamedTuple):
     points; log, accounts, notes: of response.py, a segment for each block, log None if nobody
     wants it; x, v (3, N) [m], [m/s]; ledger, None for no ledger; candidates, None where springs
     and pairs change nothing; grid, None in scenes of few colliders. All from log to ledger are
-    written.
+    written. block: particles of a block.
     """
 
     rules: Rules
@@ -56,6 +56,7 @@ class Parts(NamedTuple):
     ledger: Optional[Ledger]
     candidates: Optional[Candidates]
     grid: Optional[Grid]
+    block: int
 
 
 if config.DISABLE_JIT:
@@ -93,4 +94,4 @@ else:
         """
         return Plan(parts.rules, parts.table, parts.poses, parts.motion, parts.radius, parts.log,
                     parts.accounts, parts.notes, parts.x, parts.v, parts.ledger, parts.candidates,
-                    parts.grid)
+                    parts.grid, parts.block)

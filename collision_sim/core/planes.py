@@ -212,24 +212,28 @@ def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
 
 
 @kernel
-def _log(log, block, row, particle, c, poses, end, s, i, done):
-    """Log the contact of a particle, if anybody wants it; the rows it takes."""
+def _log(log, accounts, block, first, c, poses, end, s, count):
+    """Log the contacts of a chunk, if anybody wants them."""
     if log is not None:
-        hit = s[SPEED * CHUNK + i] < 0.0
-        state = COLLISION if hit else STICK if done >= STUCK else SLIDE
-        log[block, row, 0], log[block, row, 1], log[block, row, 2] = particle, c, state
+        widest_vectors()
+        row = accounts[block, N_LOGGED]
+        for i in range(count):
+            log[block, 0, row + i] = first + s[WHICH * CHUNK + i]
+            hit, stuck = s[SPEED * CHUNK + i] < 0.0, s[DONE * CHUNK + i] >= STUCK
+            log[block, 2, row + i] = COLLISION if hit else STICK if stuck else SLIDE
+        log[block, 1, row:row + count] = c
         for d in range(3):
-            log[block, row, POINT + d] = s[(TOUCHED + d) * CHUNK + i]
-            log[block, row, NORMAL + d] = poses[end, c, 2 + 3 * d]
-            log[block, row, CHANGE + d] = s[(CHANGED + d) * CHUNK + i]
-        return 1
-    return 0
+            log[block, NORMAL + d, row:row + count] = poses[end, c, 2 + 3 * d]
+            for i in range(count):
+                log[block, POINT + d, row + i] = s[(TOUCHED + d) * CHUNK + i]
+                log[block, CHANGE + d, row + i] = s[(CHANGED + d) * CHUNK + i]
+        accounts[block, N_LOGGED] = row + count
 
 
 @kernel
-def _copy_rows(s, i, k):
-    """Copy what is known of particle i of a chunk before it is answered to place k."""
-    for row in range(TOUCHED):
+def _copy_rows(s, rows, i, k):
+    """Copy the first rows of particle i of a chunk to place k."""
+    for row in range(rows):
         s[row * CHUNK + k] = s[row * CHUNK + i]
 
 
@@ -238,13 +242,21 @@ def _padded(s, count):
     """Repeat the last particle of a chunk until vectors are full; the count then."""
     full = (count + LANES - 1) // LANES * LANES
     for i in range(count, full):
-        _copy_rows(s, count - 1, i)
+        _copy_rows(s, TOUCHED, count - 1, i)
     return full
 
 
 @kernel
-def _keep(s, count, touching, left):
-    """Close the gaps of those of a chunk that are left; how many are kept, and are left in all."""
+def _keep(s, rows, count, touching, left):
+    """
+    Close the gaps of those of a chunk that are left, in its first rows.
+
+    Returns
+    -------
+    kept, left : int
+        How many of the chunk are kept, and how many are left in all.
+
+    """
     kept = 0
     for i in range(count):
         if s[DONE * CHUNK + i] == LEFT:
@@ -252,7 +264,7 @@ def _keep(s, count, touching, left):
             left += 1
         else:
             if kept < i:
-                _copy_rows(s, i, kept)
+                _copy_rows(s, rows, i, kept)
             kept += 1
     return kept, left
 
@@ -274,28 +286,24 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
     for i in range(count):
         s[DONE * CHUNK + i] = 0.0
     _leave_if_near(grid, rules.present, table, poses, here.end, c, s, count, clear, cells)
-    count, left = _keep(s, count, touching, left)
+    count, left = _keep(s, TOUCHED, count, touching, left)
     if count == 0:
         return left
     if _is_still(motion, here.step, c):
         _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells)
     else:
         _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells)
-    row, hits, contacts = accounts[here.block, N_LOGGED], 0, 0
+    count, left = _keep(s, ROWS, count, touching, left)
+    hits, contacts = 0, 0
     for i in range(count):
-        j, done = int(s[WHICH * CHUNK + i]), s[DONE * CHUNK + i]
-        if done == LEFT:
-            touching[left] = j
-            left += 1
-        else:
-            new[0, j], new[1, j], new[2, j] = _read(s, PLACE, i)
-            vx[j], vy[j], vz[j] = _read(s, VELOCITY, i)
-            row += _log(log, here.block, row, first + j, c, poses, here.end, s, i, done)
-            hits += s[SPEED * CHUNK + i] < 0.0
-            contacts += done >= PRESSED
+        j = int(s[WHICH * CHUNK + i])
+        new[0, j], new[1, j], new[2, j] = _read(s, PLACE, i)
+        vx[j], vy[j], vz[j] = _read(s, VELOCITY, i)
+        hits += s[SPEED * CHUNK + i] < 0.0
+        contacts += s[DONE * CHUNK + i] >= PRESSED
     accounts[here.block, N_COLLISION] += hits
     accounts[here.block, N_CONTACT] += contacts
-    accounts[here.block, N_LOGGED] = row
+    _log(log, accounts, here.block, first, c, poses, here.end, s, count)
     return left
 
 

@@ -37,12 +37,18 @@ from collision_sim.core.trajectory import sweep_margin
 from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
 import numpy as np
 
-BLOCK = 1024            # particles; their scratch fits the second-level cache
+BLOCK = 1024            # most particles of a block; their scratch fits the second-level cache
+SMALL_BLOCK = 256       # particles; less costs more than it brings
 EVENT_BLOCK = 64        # particles, with the exact method, which spends far more time on each
 APART = 40              # numbers more in a row of scratch, so that rows begin in other cache sets
 TOGETHER = 16           # particles of a block that touch something; fewer are faster one by one
 NO_JOB = -1             # serial number of none
-FEW = 3                 # blocks; for fewer a second thread costs more than it brings
+SHARES = 16             # blocks that few particles are divided into
+
+
+def block_size(count):
+    """Particles of a block, of so many in all: few are divided, too, for threads to share them."""
+    return min(max(count // SHARES, SMALL_BLOCK), BLOCK) // CHUNK * CHUNK
 
 
 @kernel
@@ -137,7 +143,7 @@ def _take(lean, flight, clear, x, y, z, vx, vy, vz, new):
 
 
 @kernel
-def step_block(grid, rules, steps, row, block, upcoming, table, poses, motion, radius, log,
+def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
                accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
                touching, chunk, chosen):
     """
@@ -149,14 +155,14 @@ def step_block(grid, rules, steps, row, block, upcoming, table, poses, motion, r
     """
     widest_vectors()
     lean = is_lean(candidates, ledger, rules.flight.quadratic)
-    first, rows = block * BLOCK, poses.shape[0] - 1
-    last = min(first + BLOCK, x.shape[1])
+    first, rows = block * size, poses.shape[0] - 1
+    last = min(first + size, x.shape[1])
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
     vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
     near, clear = block_radius(radius, first, last), clear[:last - first]
     for step in range(row, row + steps):
         start, end = min(step, rows), min(step + 1, rows)
-        ahead = BLOCK * max(upcoming - block, 0) if step == row + steps - 1 else 0
+        ahead = size * max(upcoming - block, 0) if step == row + steps - 1 else 0
         _empty_log(candidates, accounts, block)
         _fly(lean, candidates, ledger, rules.flight, block, first, ahead, px, py, pz, vx, vy, vz,
              new, scratch, clear)
@@ -220,9 +226,9 @@ def step_blocks(job, pieces, steps, row, looks, plan):
         serial, block = ticket >> SERIAL, piece_of(job, ticket)
         while block != NO_PIECE:
             upcoming = piece_of(job, fetch_add(job, TICKET, 1))
-            step_block(grid, rules, job[FIRST], job[SECOND], block, upcoming, table, poses, motion,
-                       radius, log, accounts, notes, ledger, candidates, x, v, new, scratch, clear,
-                       lengths, margins, touching, chunk, chosen)
+            step_block(grid, rules, job[FIRST], job[SECOND], plan.block, block, upcoming, table,
+                       poses, motion, radius, log, accounts, notes, ledger, candidates, x, v, new,
+                       scratch, clear, lengths, margins, touching, chunk, chosen)
             fetch_add(job, DONE, 1)
             block = upcoming
     return wait_until_done(job, looks - patience)
