@@ -15,7 +15,7 @@
 
 """Queries of a mesh by themselves: nearest point, sign, cells, ways; against plain NumPy."""
 
-from collision_sim.core import mesh, mesh_cells, mesh_path
+from collision_sim.core import mesh, mesh_cells, mesh_path, mesh_way
 from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.vectors import EPSILON
 from collision_sim.mesh_surface import make_mesh
@@ -64,11 +64,25 @@ def ways(meshes, side, starts, ends, radius):
     tau, phi, count = np.empty(len(starts)), np.empty(len(starts)), np.empty(len(starts), np.int64)
     n = np.empty_like(starts)
     for i in range(len(starts)):
-        tau[i], phi[i], n_i, count[i] = mesh_path.meet(
+        tau[i], phi[i], n_i, count[i], _ = mesh_path.meet(
             meshes, 0, side, (starts[i, 0], starts[i, 1], starts[i, 2]),
             (ends[i, 0], ends[i, 1], ends[i, 2]), radius, SKIN)
         n[i, 0], n[i, 1], n[i, 2] = n_i
     return tau, phi, n, count
+
+
+@njit
+def follow_all(answers, meshes, starts, ends, radius):
+    """Rows of what is met on each way, and whether it starts inside."""
+    rows = np.empty((len(starts), 9))
+    for i in range(len(starts)):
+        a, b = (starts[i, 0], starts[i, 1], starts[i, 2]), (ends[i, 0], ends[i, 1], ends[i, 2])
+        way = mesh_way.follow(answers, meshes, 0, 0, 0.0, a, b, radius[i], SKIN)
+        rows[i, 0], rows[i, 1] = way.tau, way.phi
+        rows[i, 2], rows[i, 3], rows[i, 4] = way.n
+        rows[i, 5], rows[i, 6], rows[i, 7] = way.end
+        rows[i, 8] = mesh_way.is_within(answers, meshes, 0, 0, a)
+    return rows
 
 
 def brute_distances(corners, points):
@@ -226,6 +240,23 @@ def test_balls_meet_what_comes_within_their_radius(shape, radius):
     there = starts + tau[:, None] * (ends - starts)
     gap = np.abs(distances(meshes, 0, there[hit])[0]) - radius
     assert np.abs(gap).max() < 1e-12
+
+
+def test_kept_answers_are_those_to_the_same_question():
+    """Each way is followed twice, then another radius, another end and another start."""
+    meshes = build(*SHAPES['torus'])
+    random = np.random.default_rng(14)
+    a = random.uniform(-1.4, 1.4, (2, 2000, 3)) * [1.0, 1.0, 0.4]
+    b = a[0] + 0.3 * random.normal(size=a.shape)
+    starts = np.stack([a[0], a[0], a[0], a[0], a[1]], axis=1).reshape(-1, 3)
+    ends = np.stack([b[0], b[0], b[0], b[1], b[1]], axis=1).reshape(-1, 3)
+    radius = np.tile([0.02, 0.02, 0.1, 0.1, 0.1], len(a[0]))
+    asked = follow_all(None, meshes, starts, ends, radius)
+    answers = mesh_way.keep_answers(meshes, np.zeros((1, 1)))
+    assert np.array_equal(follow_all(answers, meshes, starts, ends, radius), asked)
+    rows = asked.reshape(-1, 5, 9)
+    differs = (rows[:, 1:] != rows[:, :-1]).any(axis=2).mean(axis=0)
+    assert differs[0] == 0.0 and (differs[1:] > 0.2).all() and 0.1 < asked[:, 8].mean() < 0.9
 
 
 def test_closed_meshes_are_met_from_their_side_only():

@@ -301,6 +301,7 @@ def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y,
 @kernel
 def path_lengths(x, y, z, new, radius, lengths):
     """Write the length of each path of a block, plus the radius, to `lengths` (B,) [m]."""
+    widest_vectors()
     for i in range(x.shape[0]):
         dx, dy, dz = new[0, i] - x[i], new[1, i] - y[i], new[2, i] - z[i]
         lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)

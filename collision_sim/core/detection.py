@@ -23,7 +23,7 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
-from collision_sim.core.mesh_contact import depth_at, mesh_end
+from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
@@ -49,9 +49,26 @@ def end_distance(meshes, rules, here, table, poses, c, x0, x1):
     """
     if meshes is not None:
         if table[c, KIND] == MESH:
-            return mesh_end(meshes, table, poses, here.start, here.end, c, here.radius, x0, x1)
+            return mesh_end(meshes, here.answers, table, poses, here.start, here.end, c,
+                            here.radius, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     return phi - here.radius, n
+
+
+@inlined
+def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
+    """First hit on the path as trajectory.first_hit; of a mesh that does not turn, on the way."""
+    dx = subtract(x1, x0)
+    if meshes is not None:
+        if table[c, KIND] == MESH:
+            move, _, angle = relative_motion(motion, here.step, c, dx)
+            if angle == 0.0:
+                tau, n = hit_on_way(meshes, here.answers, table, poses, here.start, here.end, c,
+                                    here.radius, x0, x1)
+                arm = subtract(x0, origin(poses, here.start, c))
+                return tau, n, add_scaled(arm, tau, move), True
+    return first_hit(rules.present, table, poses, motion, here.step, here.start, c, here.radius,
+                     x0, dx)
 
 
 @inlined
@@ -59,7 +76,7 @@ def _start_depth(meshes, rules, here, table, poses, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
     if meshes is not None:
         if table[c, KIND] == MESH:
-            return depth_at(meshes, table, poses, here.start, c, here.radius, x0)
+            return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
@@ -284,8 +301,8 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
     if _only_bulges(rules.second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
         return NEVER, n_end, arm, False, phi
-    tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, k,
-                                     here.radius, x0, subtract(x1, x0))
+    tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                    x1)
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         n = n_end
@@ -351,8 +368,8 @@ def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
             k = nth(here.chosen, m)
             if starts_inside(rules, here, table, poses, k, x0) > 0.0:
                 continue
-            tau, n, arm, _ = first_hit(rules.present, table, poses, motion, here.step, here.start,
-                                       k, here.radius, x0, dx)
+            tau, n, arm, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k,
+                                      x0, x1)
             n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)

@@ -42,6 +42,7 @@ LOW, HIGH, COUNT, NEXT, NODE = 0, 3, 6, 7, 8
 CORNER, NORMAL, TRIANGLE = 0, 9, 12     # columns of a triangle: three corners [m], unit normal
 FACE, EDGE, VERTEX = 0, 1, 4            # features: the face, edges AB, BC, CA, corners A, B, C
 FEATURES = 18                           # columns of the normals: edges, then corners
+NONE = -1               # no triangle
 SURE = 1e-9     # relative to the size of a mesh: from here on a difference gives a direction
 
 
@@ -168,7 +169,7 @@ def _reach(meshes, m, p):
 
 
 @kernel
-def nearest(meshes, m, p, bound):
+def nearest(meshes, m, p, bound, guess=NONE):
     """
     Triangle of a mesh that is nearest to a point.
 
@@ -182,23 +183,27 @@ def nearest(meshes, m, p, bound):
         In the frame of the mesh.
     bound : float [m]
         Only what is nearer than this counts.
+    guess : int
+        A triangle that is likely to be nearest, or NONE.
 
     Returns
     -------
     d : float [m]
         The bound where no triangle is nearer.
     t, feature : int
-        Triangle, -1 for none, and its feature as of `nearest_on_triangle`; of equally near ones
-        the first.
+        Triangle, NONE for none, and its feature as of `nearest_on_triangle`; of equally near ones
+        the guess, else the first.
     q : (3,) tuple of float [m]
 
     """
-    low, high = box_of(p, p, bound)
+    best = (bound, NONE, FACE, p)
+    if guess != NONE:
+        best = _nearer(meshes.triangles, guess, p, best)
+    low, high = box_of(p, p, best[0])
     first, last, few = cells_of(meshes.heads, m, low, high)
     if few:
-        return _nearest_in_cells(meshes, m, p, bound, first, last)
+        return _nearest_in_cells(meshes, m, p, best, first, last)
     nodes, i, end = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
-    best = (bound, -1, FACE, p)
     while i < end:
         if box_distance_squared(nodes, i, p) > best[0] * best[0]:
             i = after(nodes, i)
@@ -221,16 +226,15 @@ def _nearer(triangles, t, p, best):
 
 
 @kernel
-def _nearest_in_cells(meshes, m, p, bound, first, last):
-    """Nearest triangle as `nearest`, of those in a block of cells."""
-    best = (bound, -1, FACE, p)
+def _nearest_in_cells(meshes, m, p, best, first, last):
+    """Nearest triangle as `nearest`, of the best so far and those in a block of cells."""
     for i in range(first[0], last[0] + 1):
         for j in range(first[1], last[1] + 1):
             for k in range(first[2], last[2] + 1):
                 g = cell_index(meshes.heads, m, i, j, k)
                 if meshes.cells[g] > INSIDE:
                     for e in range(meshes.starts[g], meshes.starts[g + 1]):
-                        best = _nearer(meshes.triangles, int(meshes.listed[e]), p, best)
+                        best = _nearer(meshes.triangles, np.int64(meshes.listed[e]), p, best)
     return best
 
 

@@ -23,7 +23,7 @@ the cells of the grid, then the tree.
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.jit import kernel
+from collision_sim.core.jit import kernel, widest_vectors
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
@@ -37,6 +37,7 @@ from collision_sim.core.vectors import length, origin, subtract
 @kernel
 def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
     """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
+    widest_vectors()
     low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
     a0, a1, a2 = poses[start, c, k], poses[start, c, 3 + k], poses[start, c, 6 + k]
     b0, b1, b2 = poses[end, c, k], poses[end, c, 3 + k], poses[end, c, 6 + k]
@@ -110,8 +111,10 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
     for i in range(x.shape[0]):
         if near[i] <= 0.0 and clear[i] >= 0.0:
             x0, x1 = (x[i], y[i], z[i]), (new[0, i], new[1, i], new[2, i])
-            arm = subtract(x0, origin(poses, start, c))
-            sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
+            sagitta = 0.0
+            if turns:
+                arm = subtract(x0, origin(poses, start, c))
+                sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
             if _touches(meshes, m, side, to_frame(poses, start, c, x0),
                         to_frame(poses, end, c, x1), radius_at(radius, i), skin, sagitta):
                 clear[i] = -1.0

@@ -24,14 +24,13 @@ frame of the mesh at the start of the step to where it is at the end.
 from math import ceil, inf
 
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.mesh import (FACE, feature_normal, is_in_front, is_inside, mesh_distance,
-                                     nearest, normal_towards, SURE)
+from collision_sim.core.mesh import mesh_distance, nearest
 from collision_sim.core.mesh_cells import cell_at, CLOSED, EXTENT, INSIDE, OUTSIDE
 from collision_sim.core.mesh_path import meet, SKIN, UNMET
-from collision_sim.core.rules import STRAIGHT
+from collision_sim.core.mesh_way import follow, is_within
 from collision_sim.core.shapes import SIDE, SIZE
-from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate,
-                                        rotate_back, scaled, subtract, turned)
+from collision_sim.core.vectors import (add_scaled, largest, origin, rotate, rotate_back, scaled,
+                                        subtract, turned)
 
 ARC = 1.0 / 64.0            # rad that a mesh turns by in one piece of a way
 PIECES = 64                 # into which the piece with the hit is divided again
@@ -72,7 +71,7 @@ def signed_mesh_distance(meshes, table, c, p):
 
 
 @kernel
-def depth_at(meshes, table, poses, row, c, radius, x):
+def depth_at(meshes, answers, table, poses, row, c, radius, x):
     """
     Depth [m] of a particle inside a mesh: of an open mesh, how far its surface reaches through.
 
@@ -82,7 +81,7 @@ def depth_at(meshes, table, poses, row, c, radius, x):
     if side != 0.0:
         label = cell_at(meshes.heads, meshes.cells, m, p)
         known = label == (OUTSIDE if side > 0.0 else INSIDE)
-        if not known and is_inside(meshes, m, p) == (side > 0.0):
+        if not known and is_within(answers, meshes, c, m, p) == (side > 0.0):
             return radius - signed_mesh_distance(meshes, table, c, p)[0]
         if known and radius == 0.0:
             return -inf
@@ -90,43 +89,14 @@ def depth_at(meshes, table, poses, row, c, radius, x):
 
 
 @kernel
-def _end_on_way(meshes, m, side, a, b, radius, skin):
-    """
-    Signed distance less radius and skin at the end of a way, and normal; infinity if not met.
-
-    The nearest point of the surface there counts where that is part of the surface that was met:
-    as the triangles get smaller, all is as with a smooth shape. Else it is the plane at which the
-    particle was met.
-    """
-    tau, phi, n, crossings = meet(meshes, m, side, a, b, radius, skin)
-    if tau > 1.0 or crossings > 1:
-        return (inf if tau > 1.0 else phi), n
-    rest, rho = scaled(1.0 - tau, subtract(b, a)), radius + skin
-    d, t, feature, q = nearest(meshes, m, b, (length(rest) + rho) * (1.0 + SURE))
-    if t < 0 or (crossings == 1 and is_on_rim(meshes, t, feature)):
-        return phi, n
-    front = is_in_front(meshes, t, feature, q, b)
-    n_end = normal_towards(meshes, t, feature, q, b, d, front, SURE * meshes.heads[m, EXTENT])
-    behind = -1.0 if crossings == 1 else 1.0
-    n_end, phi_end = scaled(behind, n_end), behind * d - rho
-    return (phi_end, n_end) if phi_end < 0.0 and dot(n, n_end) > STRAIGHT else (phi, n)
-
-
-@inlined
-def is_on_rim(meshes, t, feature):
-    """Whether a feature lies on the rim of an open mesh, where it has no normal of its own."""
-    return feature != FACE and largest(feature_normal(meshes, t, feature)) == 0.0
-
-
-@kernel
-def mesh_end(meshes, table, poses, start, end, c, radius, x0, x1):
+def mesh_end(meshes, answers, table, poses, start, end, c, radius, x0, x1):
     """
     Signed distance less radius of a particle at the end of a step, and normal, for a mesh.
 
     Parameters
     ----------
-    meshes, table, poses
-        Meshes, colliders and poses.
+    meshes, answers, table, poses
+        Meshes and their last answers (mesh_way.py), colliders and poses.
     start, end, c : int
         Rows of poses at the start and the end of the step, and which collider.
     radius : float [m]
@@ -146,13 +116,22 @@ def mesh_end(meshes, table, poses, start, end, c, radius, x0, x1):
     skin = skin_of(meshes, table, poses, start, end, c)
     a, b = to_frame(poses, start, c, x0), to_frame(poses, end, c, x1)
     phi, n = inf, (0.0, 0.0, 1.0)
-    starts_in = side != 0.0 and is_inside(meshes, m, a) == (side > 0.0)
-    if not starts_in or depth_at(meshes, table, poses, start, c, 0.0, x0) <= skin:
-        phi, n = _end_on_way(meshes, m, side, a, b, radius, skin)
+    starts_in = side != 0.0 and is_within(answers, meshes, c, m, a) == (side > 0.0)
+    if not starts_in or depth_at(meshes, answers, table, poses, start, c, 0.0, x0) <= skin:
+        _, _, phi, n = follow(answers, meshes, c, m, side, a, b, radius, skin)
     if starts_in and phi == inf:
         phi, n = signed_mesh_distance(meshes, table, c, b)
         phi -= radius + skin
     return (phi if phi < 0.0 else inf), rotate(poses, end, c, n)
+
+
+@kernel
+def hit_on_way(meshes, answers, table, poses, start, end, c, radius, x0, x1):
+    """First hit of a mesh that does not turn as `mesh_hit`, on the way that `mesh_end` follows."""
+    skin = skin_of(meshes, table, poses, start, end, c)
+    way = follow(answers, meshes, c, mesh_of(table, c), side_of(meshes, table, c),
+                 to_frame(poses, start, c, x0), to_frame(poses, end, c, x1), radius, skin)
+    return way.tau, rotate(poses, start, c, way.n)
 
 
 @inlined
@@ -170,7 +149,7 @@ def _meet_on_arc(meshes, m, side, poses, row, c, radius, skin, arm, move, axis, 
     for k in range(pieces):
         later = start + (end - start) * (k + 1) / pieces
         b = _place_at(poses, row, c, arm, move, axis, angle, later)
-        tau, _, n, _ = meet(meshes, m, side, a, b, radius, skin)
+        tau, _, n, _, _ = meet(meshes, m, side, a, b, radius, skin)
         if tau <= 1.0:
             before = start + (end - start) * k / pieces
             return before + tau * (later - before), before, later, n

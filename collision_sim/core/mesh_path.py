@@ -29,11 +29,12 @@ from typing import NamedTuple
 
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.mesh import (after, apart, box_of, corner, COUNT, EDGE, FACE, face_normal,
-                                     height_over, HIGH, LOW, nearest_on_triangle, NEXT,
+                                     height_over, HIGH, LOW, nearest_on_triangle, NEXT, NONE,
                                      triangle_distance, VERTEX)
 from collision_sim.core.mesh_cells import cell_index, cells_of, FIRST_NODE, INSIDE, LAST_NODE
 from collision_sim.core.mesh_rays import line_through, pierces
 from collision_sim.core.vectors import add_scaled, dot, EPSILON, length, scaled, subtract
+import numpy as np
 
 SKIN = 24.0 * EPSILON       # relative to how far from the origin of the world a mesh reaches
 ON = 0.25                   # share of the skin within which a particle is on the surface
@@ -143,6 +144,8 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
         tau = ha / (ha - hb) if crosses else tau
     if crosses:
         return min(tau, 1.0), hb - rho, n, True
+    if not abs(hb) < rho:
+        return UNMET, 0.0, n, False
     d, q, feature = triangle_distance(triangles, t, b)
     if d < rho:
         if feature != FACE and radius > 0.0:
@@ -172,13 +175,17 @@ def _passes_by(nodes, i, middle, half, margin):
 
 
 class Found(NamedTuple):
-    """What has been met first so far; crossings, and the last triangle that was crossed."""
+    """What has been met first so far, and which triangle; crossings, and the last one crossed."""
 
     tau: float
     phi: float
     n: tuple
+    t: int
     crossings: int
     crossed: int
+
+
+NOTHING = Found(UNMET, 0.0, (0.0, 0.0, 1.0), NONE, 0, NONE)
 
 
 @inlined
@@ -189,8 +196,8 @@ def _earlier(found, t, met):
     if crosses and crossed != t:
         crossings, crossed = min(crossings + 1, 2), t
     if tau < found.tau or (tau == found.tau and phi < found.phi):
-        return Found(tau, phi, n, crossings, crossed)
-    return Found(found.tau, found.phi, found.n, crossings, crossed)
+        return Found(tau, phi, n, t, crossings, crossed)
+    return Found(found.tau, found.phi, found.n, found.t, crossings, crossed)
 
 
 @kernel
@@ -203,7 +210,7 @@ def _meet_in_cells(meshes, m, line, a, b, dx, side, radius, skin, first, last, f
                 if meshes.cells[g] <= INSIDE:
                     continue
                 for e in range(meshes.starts[g], meshes.starts[g + 1]):
-                    t = int(meshes.listed[e])
+                    t = np.int64(meshes.listed[e])
                     if not _stays_beside(meshes.triangles, t, a, b, radius + skin):
                         found = _earlier(found, t, meet_triangle(
                             meshes, t, line, a, b, dx, side, radius, skin))
@@ -230,14 +237,16 @@ def meet(meshes, m, side, a, b, radius, skin):
         As from `meet_triangle`; of triangles met at the same time the one that is passed deepest.
     crossings : int
         How many triangles the centre crosses: 0, 1, or 2 for more.
+    t : int
+        The triangle, or mesh.NONE.
 
     """
-    found, dx, rho = Found(UNMET, 0.0, (0.0, 0.0, 1.0), 0, -1), subtract(b, a), radius + skin
+    found, dx, rho = NOTHING, subtract(b, a), radius + skin
     line, (low, high) = line_through(a, dx), box_of(a, b, rho)
     first, last, few = cells_of(meshes.heads, m, low, high)
     if few:
         found = _meet_in_cells(meshes, m, line, a, b, dx, side, radius, skin, first, last, found)
-        return found.tau, found.phi, found.n, found.crossings
+        return found.tau, found.phi, found.n, found.crossings, found.t
     nodes, i, end = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), meshes.heads[m, LAST_NODE]
     middle, half = add_scaled(a, 0.5, dx), scaled(0.5, dx)
     while i < end:
@@ -250,4 +259,4 @@ def meet(meshes, m, side, a, b, radius, skin):
                 found = _earlier(found, t, meet_triangle(meshes, t, line, a, b, dx, side, radius,
                                                          skin))
         i += 1
-    return found.tau, found.phi, found.n, found.crossings
+    return found.tau, found.phi, found.n, found.crossings, found.t

@@ -79,7 +79,8 @@ class Here(NamedTuple):
     """
     Step of this call, rows of poses at its start and end, block, particle and its radius.
 
-    chosen: colliders that the particle may touch, None for all (broad_phase.py).
+    chosen: colliders that the particle may touch, None for all (broad_phase.py); answers: the last
+    ones of meshes (mesh_way.py), None where nobody keeps them.
     """
 
     step: int
@@ -89,6 +90,7 @@ class Here(NamedTuple):
     particle: int
     radius: float
     chosen: Optional[np.ndarray]
+    answers: Optional[np.ndarray] = None
 
 
 class Touch(NamedTuple):

@@ -27,6 +27,7 @@ from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import entry, kernel, widest_vectors
 from collision_sim.core.mesh_blocks import clear_of_meshes
+from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
@@ -109,7 +110,7 @@ def _reach(dt, x0, v0, x1, v1):
 
 @kernel
 def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses, motion, log,
-            accounts, notes, x0, v0, ledger, candidates, chosen):
+            accounts, notes, x0, v0, ledger, candidates, chosen, answers):
     """One step of particle i, which may touch something or not be finite; place and velocity."""
     u, v1 = candidate_of(candidates, rules.flight, i, v0)
     x1 = add_scaled(x0, rules.flight.dt, u)
@@ -117,7 +118,7 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
         return freeze(accounts, block, x0)
     reach = 2.0 * move + _reach(rules.flight.dt, x0, v0, x1, v1)
     here = Here(step, start, end, block, i, radius,
-                chosen[:choose(grid, table, poses, start, x0, reach, chosen)])
+                chosen[:choose(grid, table, poses, start, x0, reach, chosen)], answers)
     place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
                               ledger, candidates)
     if not is_finite(place, velocity):
@@ -145,7 +146,7 @@ def _take(lean, flight, clear, x, y, z, vx, vy, vz, new):
 @kernel
 def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
                accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
-               touching, chunk, chosen):
+               touching, chunk, chosen, answers):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -181,7 +182,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             place, velocity = _answer(
                 grid, rules, step, start, end, block, first + j, radius_at(near, j), move, table,
                 poses, motion, log, accounts, notes, (px[j], py[j], pz[j]), (vx[j], vy[j], vz[j]),
-                ledger, candidates, chosen)
+                ledger, candidates, chosen, answers)
             new[0, j], new[1, j], new[2, j] = place
             vx[j], vy[j], vz[j] = velocity
         _take(lean, rules.flight, clear, px, py, pz, vx, vy, vz, new)
@@ -220,6 +221,7 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
     touching = np.empty(BLOCK + 1, dtype=np.int64)
     chosen = np.empty(table.shape[0], dtype=np.int64)
+    answers = keep_answers(rules.present.meshes, table)
     serial, patience = NO_JOB, (looks if pieces == NO_PIECE else 0)
     while wait_for_job(job, serial, patience):
         ticket = fetch_add(job, TICKET, 1)
@@ -228,7 +230,7 @@ def step_blocks(job, pieces, steps, row, looks, plan):
             upcoming = piece_of(job, fetch_add(job, TICKET, 1))
             step_block(grid, rules, job[FIRST], job[SECOND], plan.block, block, upcoming, table,
                        poses, motion, radius, log, accounts, notes, ledger, candidates, x, v, new,
-                       scratch, clear, lengths, margins, touching, chunk, chosen)
+                       scratch, clear, lengths, margins, touching, chunk, chosen, answers)
             fetch_add(job, DONE, 1)
             block = upcoming
     return wait_until_done(job, looks - patience)
