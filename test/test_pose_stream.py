@@ -16,7 +16,8 @@
 
 from math import cos, nan, pi, sin
 
-from collision_sim.core.pose_stream import CAPACITY, PoseError, PoseStream
+from collision_sim.core.pose_play import CAPACITY, KEPT
+from collision_sim.core.pose_stream import PoseError, PoseStream
 import numpy as np
 import pytest
 
@@ -80,8 +81,8 @@ def test_constant_twist_is_exact(rate, spin):
     stream = PoseStream(delay=3.0 / rate)
     stamps = jittered(rate, 2.0, jitter=0.15 / rate)
     times, (position, orientation, twist, teleport) = play(stream, stamps, pose, 1.9)
-    moving = times - stream.delay > stamps[0]
-    times = times[moving] - stream.delay
+    moving = times - stream.bounds.delay > stamps[0]
+    times = times[moving] - stream.bounds.delay
     expected = np.array([pose(time)[1] for time in times])
     np.testing.assert_allclose(position[moving], np.outer(times, velocity), atol=1e-13)
     np.testing.assert_allclose(np.abs(np.einsum('ij,ij->i', orientation[moving], expected)), 1.0,
@@ -151,8 +152,8 @@ def largest_errors(rate):
     stream = PoseStream(delay=3.0 / rate)
     times, (position, orientation, _, _) = play(
         stream, jittered(rate, 3.0, jitter=0.15 / rate), rocking, 2.8, latency=0.0, tick=1)
-    late = times - stream.delay > 1.0
-    expected = [rocking(time) for time in times[late] - stream.delay]
+    late = times - stream.bounds.delay > 1.0
+    expected = [rocking(time) for time in times[late] - stream.bounds.delay]
     shift = np.abs(position[late] - [pose[0] for pose in expected]).max()
     turn = max(np.linalg.norm(product(a, b[1] * (-1, -1, -1, 1))[:3])
                for a, b in zip(orientation[late], expected))
@@ -173,7 +174,7 @@ def test_acceleration_of_an_oscillating_plate(frequency, bound):
     for seed in range(4):
         stream = PoseStream()
         times, (position, _, _, _) = play(stream, jittered(30, 5.0, seed), pose, 4.9)
-        exact = np.array([pose(time)[0] for time in times - stream.delay])
+        exact = np.array([pose(time)[0] for time in times - stream.bounds.delay])
         error = np.diff(position - exact, 2, axis=0)[240:] / STEP ** 2
         worst = max(worst, np.abs(error).max() / 9.81)
     assert worst < bound
@@ -307,7 +308,7 @@ def test_poses_that_follow_at_once_replace_each_other():
     stream = PoseStream()
     for k in range(2001):
         stream.add(k * 1e-4, (k * 1e-4, 0, 0), UPRIGHT)
-    assert len(stream._poses) <= 103
+    assert stream._curve.counts[KEPT] <= 103
     track = stream.sample(np.array([0.2, 0.25, 0.3]))
     np.testing.assert_allclose(track.position[:, 0], [0.1, 0.15, 0.2], atol=1e-13)
 
@@ -396,9 +397,9 @@ def test_the_size_of_ticks_does_not_matter(tick):
 def test_memory_is_bounded():
     stream = PoseStream()
     times, _ = play(stream, jittered(100, 20.0, jitter=1e-3), rocking, 19.9)
-    assert len(stream._poses) < 20 and len(stream._pieces) < 20
+    assert stream._curve.counts[KEPT] < 20
     for k in range(3 * CAPACITY):
         stream.add(20.0 + k / 100.0, (k / 100.0, 0, 0), UPRIGHT)
-    assert len(stream._poses) <= CAPACITY
+    assert stream._curve.counts[KEPT] <= CAPACITY
     track = stream.sample(np.array([20.1 + 3 * CAPACITY / 100.0]))
     assert track.teleport[0] and np.isfinite(track.position).all()

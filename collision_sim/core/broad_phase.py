@@ -20,7 +20,7 @@ tested against those of its own cell only. Planes, meshes and shapes that partic
 of are not in it, nor is anything in scenes of few colliders: these are tested without a grid.
 """
 
-from math import inf, sqrt
+from math import ceil, inf, prod, sqrt
 from typing import NamedTuple
 
 from collision_sim.core.jit import formula, inlined, kernel
@@ -201,11 +201,12 @@ def make_grid(which, table, poses, motion, reach):
     low, high = lows[which].min(axis=0), highs[which].max(axis=0)
     extent = np.maximum(high - low, 1e-9 * np.max(high - low))
     edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
-    counts = np.clip(np.ceil(extent / edge), 1, int(np.cbrt(MOST_CELLS))).astype(np.int64)
-    starts = np.zeros(np.prod(counts) + 2, dtype=np.int64)
+    most = int(np.cbrt(MOST_CELLS))
+    counts = tuple(min(max(ceil(cells), 1), most) for cells in (extent / edge).tolist())
+    starts, others = np.zeros(prod(counts) + 2, dtype=np.int64), np.ones(len(table), dtype=bool)
+    others[which] = False
     grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
-                tuple(counts.tolist()), starts,
-                np.empty(0, dtype=np.int64), np.setdiff1d(np.arange(len(table)), which))
+                counts, starts, np.empty(0, dtype=np.int64), np.flatnonzero(others))
     _fill(grid, lows, highs, which, False)
     np.cumsum(starts, out=starts)
     grid = grid._replace(items=np.empty(starts[-1], dtype=np.int64))

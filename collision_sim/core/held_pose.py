@@ -92,9 +92,9 @@ class HeldPose:
         new, used = self.newest, self._used
         if new is used:
             return None
-        stream, self._used = self._stream, new
+        bounds, self._used = self._stream.bounds, new
         shift, turn = way_between(Pose(0.0, position, orientation, False), new)
         gap = 0.0 if used is None or None in (used.stamp, new.stamp) else new.stamp - used.stamp
         return new._replace(teleport=bool(
-            new is self._placed or gap > stream.timeout
-            or hypot(*shift) > stream.teleport_distance or hypot(*turn) > stream.teleport_angle))
+            new is self._placed or gap > bounds.timeout
+            or hypot(*shift) > bounds.teleport_distance or hypot(*turn) > bounds.teleport_angle))

@@ -52,6 +52,11 @@ class FollowedClock:
 
     resets = False          # goes on when the simulation goes back to its start
 
+    @property
+    def flows(self):
+        """Whether it goes on between two looks at it, as a simulated one does not."""
+        return not self._clock.ros_time_is_active
+
     def __init__(self, node, start):
         """Start now, unless the start is still to come."""
         self.timer_clock = self._clock = node.get_clock()
@@ -130,7 +135,7 @@ class PublishedClock:
 
     """
 
-    resets = True
+    resets, flows = True, True
 
     def __init__(self, node, simulation):
         """Start now, at the time of the simulation."""

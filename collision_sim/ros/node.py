@@ -125,6 +125,7 @@ class CollisionSimNode(SturdyNode):
 
     def _tick(self):
         """Take the steps that the clock asks for, and publish when it is time to."""
+        self._poses.take_arrived()
         jump = self._time.jump()
         if jump:
             self._begin_again(jump)
@@ -183,6 +184,7 @@ class CollisionSimNode(SturdyNode):
     # --- out -------------------------------------------------------------------------------
 
     def _report(self):
+        self._poses.take_arrived()      # there are no ticks while a simulated clock stands
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
@@ -233,6 +235,7 @@ class CollisionSimNode(SturdyNode):
         return _answer(response, True, 'at the start')
 
     def _pause(self, request, response):
+        self._poses.take_arrived()
         if request.data:
             self._poses.hold()
         elif self._paused:

@@ -65,8 +65,9 @@ class PoseStreams:
     def set_times(self, delay, timeout):
         """Change the delay and the time-out of all streams [s]."""
         for stream in self._streams.values():
-            if (stream.delay, stream.timeout) != (delay, timeout):
-                stream.delay, stream.timeout = delay, timeout
+            bounds = stream.bounds._replace(delay=delay, timeout=timeout)
+            if stream.bounds != bounds:
+                stream.bounds = bounds
                 stream.restart()
 
     def restart(self):
@@ -85,7 +86,7 @@ class PoseStreams:
         """Names of the colliders whose poses have stopped for longer than the time-out."""
         return [name for name, stream in self._streams.items()
                 if stream.newest is not None and not self._held
-                and now - stream.delay - stream.newest > stream.timeout]
+                and now - stream.bounds.delay - stream.newest > stream.bounds.timeout]
 
     def add(self, name, pose, now):
         """
@@ -222,7 +223,7 @@ def _checked_time(stamp, now, stream):
         return now
     if stamp > now + AHEAD:
         raise PoseError('future', f'stamped {stamp - now:.3f} s ahead of the clock')
-    if stamp < now - stream.delay - stream.timeout:
+    if stamp < now - stream.bounds.delay - stream.bounds.timeout:
         raise PoseError('stale', f'stamped {now - stamp:.3f} s behind the clock')
     return stamp
 

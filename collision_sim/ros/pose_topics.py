@@ -14,17 +14,20 @@
 
 """The pose topics of the colliders: subscriptions, and warnings of what is dropped."""
 
-from functools import partial
+import time
 
 from collision_sim.core.pose_stream import PoseError
+from collision_sim.ros.messages import SECOND
 from collision_sim.ros.pose_streams import PoseStreams
 from collision_sim.ros.rare_warnings import RareWarnings
+from collision_sim.ros.spin import arrived
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-# Takes reliable and best-effort publishers; a burst of poses late by some ticks still fits.
-QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Takes reliable and best-effort publishers; at 1 kHz, poses of the longest tick wait for the next.
+QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+OLDEST = SECOND     # ns; poses are taken more often: what seems older, a clock has jumped
 
 
 class PoseTopics(PoseStreams):
@@ -47,8 +50,8 @@ class PoseTopics(PoseStreams):
         self._warn = RareWarnings(node)
         self._subscriptions = {}
         for name, topic in self.topics.items():
-            subscription = node.create_subscription(
-                PoseStamped, topic, partial(self._take, name), QOS, raw=True,
+            subscription = node.create_polled_subscription(
+                PoseStamped, topic, QOS, raw=True,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
             self.topics[name] = subscription.topic_name
             self._subscriptions[name] = subscription
@@ -56,20 +59,17 @@ class PoseTopics(PoseStreams):
                        node.get_parameter('pose_timeout').value)
 
     def take_arrived(self):
-        """
-        Take all poses that have arrived.
-
-        An executor may serve a request before a pose that was sent, and has arrived, before it.
-        """
+        """Take all poses that have arrived; without a stamp, they are of when that was."""
+        now, system = self._clock.nanoseconds(), time.time_ns()
+        flows = self._clock.flows
         for name, subscription in self._subscriptions.items():
-            with subscription.handle:
-                while taken := subscription.handle.take_message(
-                        subscription.msg_type, subscription.raw):
-                    self._take(name, taken[0])
+            for message, received in arrived(subscription):
+                age = system - received if flows else 0
+                self._take(name, message, now - (age if 0 < age < OLDEST else 0))
 
-    def _take(self, name, message):
+    def _take(self, name, message, time):
         try:
-            self.add_message(name, message, self._clock.nanoseconds())
+            self.add_message(name, message, time)
         except PoseError as error:
             key = name, error.reason
             self._warn(key, '%s: pose dropped, %s (%d so far)' % (

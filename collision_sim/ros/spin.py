@@ -32,6 +32,27 @@ class SturdyNode(Node):
     arrived in one go with the cause would else wait for the next to arrive.
     """
 
+    def __init__(self, *arguments, **options):
+        """As that of rclpy."""
+        self._polled = set()
+        super().__init__(*arguments, **options)
+
+    @property
+    def subscriptions(self):
+        """Those that executors serve."""
+        return (each for each in super().subscriptions if each not in self._polled)
+
+    def create_polled_subscription(self, msg_type, topic, *arguments, **options):
+        """
+        Create a subscription whose messages wait until somebody takes them (`arrived`).
+
+        For small messages that come often: to be woken by each costs more than it takes to read.
+        """
+        subscription = super().create_subscription(
+            msg_type, topic, lambda message: None, *arguments, **options)
+        self._polled.add(subscription)
+        return subscription
+
     def create_subscription(self, msg_type, topic, callback, *arguments, **options):
         """As that of rclpy."""
         @wraps(callback)
@@ -50,6 +71,15 @@ class SturdyNode(Node):
     def log_error(self, text):
         """Log what was raised, from time to time."""
         self.get_logger().error(text, throttle_duration_sec=1.0)
+
+
+def arrived(subscription):
+    """Yield the messages that wait in a subscription, and when each was received [ns]."""
+    handle = subscription.handle
+    with handle:
+        while taken := handle.take_message(subscription.msg_type, subscription.raw):
+            message, info = taken
+            yield message, info['received_timestamp']
 
 
 def spin(node, stopped):

@@ -117,7 +117,8 @@ def add_arguments(parser):
                         help='messages a simulated second (default 60, at most one a step)')
     record.add_argument('--frame-id', default='world', metavar='NAME',
                         help='frame of all messages, of --poses too (default world)')
-    poses, usual = parser.add_argument_group('recorded poses (needs rosbags)'), PoseStream()
+    poses = parser.add_argument_group('recorded poses (needs rosbags)')
+    usual = PoseStream().bounds
     poses.add_argument('--poses', metavar='BAG',
                        help='folder or file as of `ros2 bag record`: its PoseStamped topics move '
                             'the colliders that have these topics')

@@ -105,7 +105,8 @@ class Driver:
         self.node.get_clock().set_ros_time_override(clock)
 
     def take(self, name, message):
-        self.node._poses._take(name, serialize_message(message))
+        self.node._poses._take(name, serialize_message(message),
+                               self.node._time.nanoseconds())
 
     def run(self, duration, poses=None, stamps=(), each=None):
         """Tick for a duration [s]; poses: collider name to function of the stamp."""

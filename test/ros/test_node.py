@@ -14,6 +14,8 @@
 
 """The node in this process, on a simulated clock: stepping, messages, services."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -22,7 +24,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from collision_sim import Simulation  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
 from collision_sim.scene import load_scene  # noqa: E402
-from geometry_msgs.msg import PoseArray  # noqa: E402
+from geometry_msgs.msg import PoseArray, PoseStamped  # noqa: E402
 from harness import jittered_stamps, pose_message, TICK  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
@@ -240,6 +242,25 @@ def test_a_collider_that_moved_during_a_pause_hits_nothing(drive):
     driver.run(1.0, {'paddle': pose}, [stamp for stamp in stamps if stamp > driver.now])
     assert not driver.simulation.velocity.any()
     assert driver.simulation.collider_pose('paddle')[0][0] > 5.0
+
+
+def test_zero_stamp_means_when_it_was_received(drive, monkeypatch):
+    """Poses that wait for a tick of a node on the wall clock are not all of that tick."""
+    driver, seen = drive(PADDLE), []
+    poses = driver.node._poses
+    publisher = driver.peer.create_publisher(PoseStamped, 'paddle/pose', 5)
+    driver.spin_until(publisher.get_subscription_count)
+    monkeypatch.setattr(poses, 'add_message', lambda name, message, now: seen.append(now))
+    monkeypatch.setattr(type(poses._clock), 'flows', True)
+    began = time.time_ns()
+    for _ in range(2):
+        publisher.publish(pose_message(None, (0, 0, 0)))
+        time.sleep(0.1)
+    offset = time.time_ns() - driver.node._time.nanoseconds()
+    poses.take_arrived()
+    first, second = seen
+    assert 0.09e9 < second - first < 0.9e9
+    assert began - 1e6 < first + offset < began + 0.9e9
 
 
 def test_zero_stamp_means_now(drive):
