@@ -23,9 +23,9 @@ from importlib.util import find_spec
 
 from collision_sim.checks import SceneError
 from collision_sim.core.pose_stream import PoseError
-from collision_sim.ros.markers import collider_markers, contact_markers, LIFETIME
-from collision_sim.ros.messages import marker_array, PointCloudWriter, PoseArrayWriter, SECOND
+from collision_sim.ros.messages import SECOND
 from collision_sim.ros.pose_streams import PoseStreams
+from collision_sim.ros.state_messages import StateMessages
 import numpy as np
 
 NODE = 'collision_sim'      # name of the node, which its private topics begin with
@@ -68,56 +68,34 @@ class Recording:
     frame_id : str
         Of the messages.
 
+    Attributes
+    ----------
+    messages : StateMessages
+        What is written; takes the Contacts of the steps.
+
     """
 
     def __init__(self, path, simulation, topics, rate, frame_id):
         from collision_sim.bags import BagWriter
         self._simulation = simulation
-        self._frame_id = frame_id
-        self._lifetime = LIFETIME / rate
-        self._contacts_seen = []        # Contacts of the steps since the last message
-        count = len(simulation.position)
-        self._pose_array = PoseArrayWriter(frame_id, count)
-        self._point_cloud = PointCloudWriter(frame_id, count)
-        layouts = {'particles': self._particles, 'contacts': self._contacts,
-                   'colliders': self._colliders, 'cloud': self._cloud}
-        self._layouts = {absolute(f'~/{topic}'): layouts[topic] for topic in topics}
-        self._some_move = any(collider.moving for collider in simulation.scene.colliders)
+        self.messages = StateMessages(simulation, frame_id, rate)
+        self._layouts = {absolute(f'~/{topic}'): getattr(self.messages, topic)
+                         for topic in topics}
         self._bag = BagWriter(path, {absolute(f'~/{topic}'): MESSAGES[topic] for topic in topics},
                               latched=[COLLIDERS])
-
-    def add_contacts(self, contacts):
-        """Take the Contacts of a step into the next message."""
-        self._contacts_seen.append(contacts)
 
     def write(self):
         """Write a message on each topic about the state now; colliders that stand still once."""
         time = round(self._simulation.time * SECOND)
         for topic, layout in self._layouts.items():
             self._bag.write(topic, time, layout(*divmod(time, SECOND)))
-        self._contacts_seen = []
-        if not self._some_move:
+        self.messages.forget_contacts()
+        if not self.messages.colliders_move:
             self._layouts.pop(COLLIDERS, None)
 
     def close(self):
         """Give the file its name."""
         self._bag.close()
-
-    def _particles(self, *stamp):
-        return self._pose_array.message(*stamp, self._simulation.position)
-
-    def _cloud(self, *stamp):
-        return self._point_cloud.message(*stamp, self._simulation.position,
-                                         self._simulation.velocity)
-
-    def _contacts(self, *stamp):
-        markers = contact_markers(self._contacts_seen, self._lifetime)
-        return marker_array(*stamp, self._frame_id, markers)
-
-    def _colliders(self, *stamp):
-        scene = self._simulation.scene
-        poses = [self._simulation.collider_pose(collider.name) for collider in scene.colliders]
-        return marker_array(*stamp, self._frame_id, collider_markers(scene, poses))
 
 
 class Replay:

@@ -72,7 +72,7 @@ def test_only_ros_and_launch_import_ros():
 def test_only_ros_and_launch_import_the_ros_folder():
     """But for what of it needs no ROS, which recordings use."""
     others = [path for path in MODULES if folder(path) not in ('ros', 'launch')]
-    without = r'(?!\.(markers|messages|pose_streams)\b)'
+    without = r'(?!\.(messages|pose_streams|state_messages)\b)'
     assert offences(others, re.compile(rf'collision_sim\.ros{without}\b')) == []
 
 

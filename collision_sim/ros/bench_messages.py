@@ -34,7 +34,7 @@ import sys
 import tempfile
 import time
 
-from collision_sim.ros.messages import ENCAPSULATION, PoseArrayWriter
+from collision_sim.ros.messages import ENCAPSULATION, PoseArrayWriter, SECOND
 from collision_sim.ros.node import ASYNCHRONOUS
 from geometry_msgs.msg import PoseArray, PoseStamped
 import numpy as np
@@ -45,7 +45,6 @@ import yaml
 
 TOPIC, DEPTH, RATE = 'bench_messages', 5, 60.0      # Hz
 POSE_RATE, SECONDS = 100.0, 4.0                     # Hz, s
-SECOND = 1_000_000_000                              # ns
 TICKS = os.sysconf('SC_CLK_TCK')                    # of processor time in a second
 
 

@@ -24,7 +24,6 @@ import time
 from builtin_interfaces.msg import Time
 from collision_sim.ros.messages import SECOND
 import numpy as np
-from rclpy.clock import Clock, ClockType
 import rosgraph_msgs.msg
 
 LONGEST_GAP = 1.0       # s between two ticks; more is a jump of the clock
@@ -59,7 +58,7 @@ class FollowedClock:
 
     def __init__(self, node, start):
         """Start now, unless the start is still to come."""
-        self.timer_clock = self._clock = node.get_clock()
+        self._clock = node.get_clock()
         self._start = round(start * SECOND)
         self.begin_again()
         if self.stepped < 0.0:
@@ -139,7 +138,6 @@ class PublishedClock:
 
     def __init__(self, node, simulation):
         """Start now, at the time of the simulation."""
-        self.timer_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._simulation = simulation
         self._publisher = node.create_publisher(rosgraph_msgs.msg.Clock, '/clock', 10)
         self.stand_still()

@@ -30,6 +30,11 @@ UNUSUAL = {             # counters that stand still in a sound simulation, and w
 }
 
 
+def new_since(before, now):
+    """Give how many events a counter has counted since; a reset of the node sets it to 0."""
+    return now - before if now >= before else now
+
+
 class Diagnostics:
     """
     Accounts of the time since the last report, and the reports.
@@ -114,7 +119,7 @@ class Diagnostics:
             **_spread('step time', self.step_times),
             **_spread('publish time', self.publish_times),
             'particles': len(simulation.position),
-            'particles in a PoseArray': self._outputs.shown,
+            'particles in a PoseArray': self._outputs.messages.shown,
         }
         findings = []
         if self.slow:
@@ -125,8 +130,7 @@ class Diagnostics:
     def _physics(self):
         """Tell what happens, and whether it can be trusted."""
         counters, elapsed = self._simulation.counters, self._elapsed()
-        new = {key: count - self._counters[key] if count >= self._counters[key] else count
-               for key, count in counters.items()}     # less than before: there was a reset
+        new = {key: new_since(self._counters[key], count) for key, count in counters.items()}
         clearance = self._simulation.clearance()
         depth = float(np.max(-clearance, initial=0.0, where=np.isfinite(clearance)))
         frozen = counters['frozen']

@@ -178,7 +178,8 @@ class CollisionSimNode(SturdyNode):
         """
         outputs = self._outputs
         wanted = self._simulation.record_contacts = outputs.contacts_wanted
-        self._poses.step(self._simulation, times, pace, outputs.add_contacts if wanted else None)
+        self._poses.step(self._simulation, times, pace,
+                         outputs.messages.add_contacts if wanted else None)
         self._diagnostics.steps += len(times)
 
     # --- out -------------------------------------------------------------------------------
@@ -218,7 +219,7 @@ class CollisionSimNode(SturdyNode):
 
     def _use_rate(self, rate):
         self._ticks_a_message = ceil(SLOWEST_TICKS / rate)
-        self._outputs.use_rate(rate)
+        self._outputs.messages.use_rate(rate)
         if self._timer is not None:
             self.destroy_timer(self._timer)
         self._timer = self.create_timer(1.0 / (rate * self._ticks_a_message), self._tick)
@@ -253,7 +254,7 @@ class CollisionSimNode(SturdyNode):
         self._simulation.step()
         self._diagnostics.steps += 1
         if wanted:
-            self._outputs.add_contacts(self._simulation.contacts)
+            self._outputs.messages.add_contacts(self._simulation.contacts)
         self._time.stand_still()
         self._time.publish()
         self._outputs.publish(self._time.stamp())

@@ -36,6 +36,7 @@ import sys
 import tempfile
 import time
 
+from collision_sim.ros.diagnostics import new_since
 from collision_sim.ros.messages import read_pose_array
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -80,11 +81,6 @@ def pose(time, stamp):
     message.pose.position.z = 0.5
     message.pose.orientation.z, message.pose.orientation.w = math.sin(angle), math.cos(angle)
     return message
-
-
-def new_since(before, now):
-    """Give how many events a counter has counted since; a reset of the node sets it to 0."""
-    return now - before if now >= before else now
 
 
 class Watch:

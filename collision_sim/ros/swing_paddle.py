@@ -18,14 +18,13 @@ import math
 import signal
 import sys
 
+from collision_sim.ros.messages import SECOND
 from collision_sim.ros.spin import spin, SturdyNode
+from collision_sim.ros.start import STOP
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 import rclpy
 from rclpy.exceptions import ParameterException
-
-SECOND = 1_000_000_000  # ns
-STOP = (signal.SIGINT, signal.SIGTERM)
 
 
 def _descriptor(description, low=None, high=None):

@@ -242,7 +242,7 @@ def write_over_time(arguments, sim, total, replay):
         if arguments.record:
             recording = files.enter_context(closing(open_recording(arguments, sim)))
             periodic.append(Periodic(recording.write, 1.0 / arguments.rate / dt))
-            add_contacts = recording.add_contacts if sim.record_contacts else None
+            add_contacts = recording.messages.add_contacts if sim.record_contacts else None
         if arguments.every:
             states = files.enter_context(closing(open_states(arguments.out, sim)))
             periodic.append(Periodic(states.write, arguments.every / dt))

@@ -79,6 +79,7 @@ class Player:
         self._simulation, self._viewer, self._frame = simulation, viewer, frame
         self._paused = False
         self._contacts = []             # of the frame that is shown
+        self._due = perf_counter()      # when the next frame is to begin
         self._begin()
 
     def _begin(self):
@@ -95,7 +96,9 @@ class Player:
         else:
             self._run(until, begin + STEPPING * self._frame)
         self._viewer.update(self._simulation, self._contacts, self._paused)
-        sleep(max(0.0, begin + self._frame - perf_counter()))
+        now = perf_counter()
+        self._due = max(self._due + self._frame, now)   # whatever a sleep is too long is made up
+        sleep(self._due - now)
 
     def _run(self, until, deadline):
         """Catch up with the clock; what there is no time for until the deadline is left out."""

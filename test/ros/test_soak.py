@@ -21,7 +21,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from collision_sim.ros import soak  # noqa: E402, I100
+from collision_sim.ros import diagnostics, soak  # noqa: E402, I100
 import numpy as np  # noqa: E402
 
 
@@ -38,7 +38,7 @@ def test_soak(request):
 def test_a_problem_is_counted_once():
     """Counters tell their sums each second, and start again at a reset."""
     told = [0, 1, 1, 3, 0, 0, 2, 1]
-    assert sum(map(soak.new_since, told, told[1:])) == 1 + 2 + 2 + 1
+    assert sum(map(diagnostics.new_since, told, told[1:])) == 1 + 2 + 2 + 1
 
 
 def test_what_grows_or_goes_wrong_is_told():

@@ -87,6 +87,15 @@ def test_in_step_with_the_clock(play):
     assert len(page.contacts) in (12, 13)
 
 
+def test_sleeps_that_last_too_long_are_made_up(play, monkeypatch):
+    """The rate is the one that was asked for; a frame is late, not all that follow as well."""
+    frames, _, clock = play()
+    monkeypatch.setattr(view, 'sleep', lambda duration: clock.go_on(duration + 0.003))
+    begin = clock.now
+    frames(100)
+    assert clock.now - begin == pytest.approx(100 * FRAME + 0.003)
+
+
 def test_slower_than_the_clock(play):
     """What there is no time for is left out; the page is still shown at its rate."""
     frames, page, clock = play(seconds_a_step=0.01)
