@@ -123,10 +123,12 @@ class Driver:
                 each()
 
     def spin_until(self, condition, deadline=DEADLINE):
+        """Serve callbacks and take poses as a tick does, without steps, until a condition holds."""
         end = time.monotonic() + deadline
         while not condition():
             assert time.monotonic() < end, 'nothing came'
             self.executor.spin_once(timeout_sec=0.05)
+            self.node._poses.take_arrived()
 
     def call(self, kind, name, request):
         client = self.peer.create_client(kind, name)

@@ -59,7 +59,8 @@ class Quiet:
         self.clearance = 0.0
         poses = SimpleNamespace(topics={}, dropped=Counter(), stale=lambda now: [])
         self.diagnostics = Diagnostics(
-            'node', self.simulation, poses, SimpleNamespace(shown=3), Counter())
+            'node', self.simulation, poses, SimpleNamespace(
+                messages=SimpleNamespace(shown=3)), Counter())
         self.diagnostics.begin()
 
     def report(self):
