@@ -123,7 +123,7 @@ class Driver:
                 each()
 
     def spin_until(self, condition, deadline=DEADLINE):
-        """Serve callbacks and take poses as a tick does, without steps, until a condition holds."""
+        """Serve callbacks and take poses as a tick does, until a condition holds."""
         end = time.monotonic() + deadline
         while not condition():
             assert time.monotonic() < end, 'nothing came'
