@@ -112,12 +112,24 @@ def list_pairs(rules, pair_rules, law, matter, meetings, count, x, v, candidates
 
 
 @inlined
+def _carry(pile, body, n, mean, end):
+    """Let a body that no impulse moves have at least these normal velocities [m/s]."""
+    for which, least in ((MEAN, mean), (ENDING, end)):
+        velocity = at(pile.bodies, body, which)
+        put_at(pile.bodies, body, which,
+               add_scaled(velocity, max(least - dot(n, velocity), 0.0), n))
+    put_at(pile.bodies, body, FREE, at(pile.bodies, body, ENDING))
+    put_at(pile.bodies, body, KEPT, at(pile.bodies, body, ENDING))
+
+
+@inlined
 def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candidates, c, pile,
              memory, size, count):
     """
     List collider c as a support of a particle, if it may carry it; how many there are then.
 
-    Who comes down on it from before the step will collide with it, and is not carried.
+    One of infinite mass is carried right away: no impulse of the pile would change that. Who comes
+    down on it from before the step will collide with it, and is not carried.
     """
     i, dt = here.particle, rules.flight.dt
     x0, u = column(x, i), column(candidates.u, i)
@@ -140,6 +152,9 @@ def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candid
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n = dot(n, subtract(column(v, i), first))
     end = _end_bound(pair_rules.part, known != NONE, v_n, gap, mean)
+    if pile.bodies[pile.body[i], INVERSE] == 0.0:
+        _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
+        return size, count
     put_at(pile.bodies, size, MEAN, obj)
     put_at(pile.bodies, size, ENDING, last)
     put_at(pile.bodies, size, FREE, last)
@@ -156,13 +171,12 @@ def list_supports(rules, pair_rules, table, poses, motion, radius, x, v, before,
     size, end = bodies, min(1, poses.shape[0] - 1)
     for a in range(bodies):
         i = pile.particle[a]
-        if pile.bodies[a, INVERSE] > 0.0:
-            for c in range(table.shape[0]):
-                if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
-                    return size, contacts
-                here = Here(0, 0, end, 0, i, radius[i], None)
-                size, contacts = _support(rules, pair_rules, here, table, poses, motion, x, v,
-                                          before, candidates, c, pile, memory, size, contacts)
+        for c in range(table.shape[0]):
+            if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
+                return size, contacts
+            here = Here(0, 0, end, 0, i, radius[i], None)
+            size, contacts = _support(rules, pair_rules, here, table, poses, motion, x, v, before,
+                                      candidates, c, pile, memory, size, contacts)
     return size, contacts
 
 

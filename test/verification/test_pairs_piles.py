@@ -113,6 +113,17 @@ def test_heavy_ball_on_a_light_one():
     assert fastest(sim) < 1e-9
 
 
+@pytest.mark.parametrize('radii', [(1.0, 1.0), (100.0, 1.0)])
+def test_ball_rests_on_one_of_infinite_mass_on_the_floor(radii):
+    """The floor carries the lower ball before the upper one follows it down."""
+    large, small = RADIUS * np.array(radii)
+    start = np.array([[0.0, 0.0, large], [0.0, 0.0, 2.0 * large + small]])
+    sim = pile(start, radius=[large, small], mass=[np.inf, 1.0])
+    sim.step(200)
+    assert np.abs(sim.position - start).max() < 1e-12
+    assert fastest(sim) < 1e-12
+
+
 @pytest.mark.parametrize('masses', [(1.0, 1000.0), (1000.0, 1.0), (1.0, 1000.0, 1.0)])
 def test_masses_of_ratio_a_thousand(masses):
     """Heavy balls on light ones and light on heavy ones come to rest where they are."""
