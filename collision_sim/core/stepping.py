@@ -39,12 +39,12 @@ from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
 import numpy as np
 
 BLOCK = 1024            # most particles of a block; their scratch fits the second-level cache
-SMALL_BLOCK = 256       # particles; less costs more than it brings
+SMALL_BLOCK = 512       # particles; less costs more than it brings
 EVENT_BLOCK = 64        # particles, with the exact method, which spends far more time on each
 APART = 40              # numbers more in a row of scratch, so that rows begin in other cache sets
 TOGETHER = 16           # particles of a block that touch something; fewer are faster one by one
 NO_JOB = -1             # serial number of none
-SHARES = 16             # blocks that few particles are divided into
+SHARES = 4              # blocks that few particles are divided into
 
 
 def block_size(count):
