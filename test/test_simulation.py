@@ -386,6 +386,28 @@ def test_unplaced_particles_are_noted(method):
     assert sim.unplaced == []
 
 
+@pytest.mark.jit
+def test_the_size_of_blocks_changes_nothing(monkeypatch):
+    """Not a bit of the state, the counters or the contacts: some rest, others bounce or fly."""
+    rng = np.random.default_rng(1)
+    places, velocities = rng.uniform(0.0, 0.5, (1500, 3)), rng.normal(0.0, 1.0, (1500, 3))
+    places[::3, 2], velocities[::3] = 0.0, 0.0
+    found = []
+    for size in (64, 512, 1024):
+        monkeypatch.setattr('collision_sim.simulation.block_size', lambda count, size=size: size)
+        sim = simulate([plane()], places, velocities, restitution=0.5, friction={'dry': 0.3})
+        sim.step(40)
+        found.append((sim.position.copy(), sim.velocity.copy(), sim.counters, sim.contacts))
+    position, velocity, counters, contacts = found[0]
+    assert counters['contacts'] > 0 < counters['collisions'] and len(contacts.particle) > 500
+    for other in found[1:]:
+        assert_array_equal(other[0], position)
+        assert_array_equal(other[1], velocity)
+        assert other[2] == counters
+        for one, same in zip(other[3], contacts):
+            assert_array_equal(one, same)
+
+
 def test_contacts_are_of_the_last_step_only():
     """Also where several steps were taken at once."""
     sim = simulate([plane()], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0, 0.0),
