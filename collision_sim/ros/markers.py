@@ -22,6 +22,7 @@ Nothing that is not finite goes into a marker, because RViz drops the whole of i
 from functools import lru_cache
 
 from collision_sim.appearance import collider_color, contact_lines, STATE_COLORS, turn_to
+from collision_sim.core.rotation import product, rotation_matrix
 from collision_sim.ros.messages import (ADD, CUBE, CYLINDER, DELETE, DELETEALL, LINE_LIST,
                                         Marker, SPHERE, SPHERE_LIST, TRIANGLE_LIST, UPRIGHT)
 import numpy as np
@@ -114,18 +115,11 @@ def _triangle_points(mesh):
     return mesh.vertices[faces.ravel()]
 
 
-def _product(p, q):
-    """Quaternion product p q."""
-    (px, py, pz, pw), (qx, qy, qz, qw) = p, q
-    return (pw * qx + px * qw + py * qz - pz * qy, pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw, pw * qw - px * qx - py * qy - pz * qz)
-
-
 def _solid_marker(collider, number, solid, position, orientation):
     kind, scale, centre, turn = solid
-    inverse = [-orientation[0], -orientation[1], -orientation[2], orientation[3]]
-    shift = _product(_product(orientation, (*centre, 0.0)), inverse)
+    shift = rotation_matrix(orientation) @ np.array(centre, dtype=float)
     marker = Marker('colliders/' + collider.name, number, ADD, kind, scale,
                     collider_color(collider),
-                    [position[i] + shift[i] for i in range(3)], _product(orientation, turn))
+                    [position[i] + shift[i] for i in range(3)],
+                    product(np.array(orientation, dtype=float), np.array(turn, dtype=float)))
     return marker._replace(points=_triangle_points(collider.mesh)) if collider.mesh else marker

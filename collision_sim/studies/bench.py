@@ -42,7 +42,7 @@ works:
 """ + '\n'.join(f'  {name:8s} {work.title}' for name, work in WORKS.items()) + """
 
 examples:
-  collision_sim bench --quick                       # a minute
+  collision_sim bench --quick                       # some minutes
   collision_sim bench --peers --out bench           # half an hour
   collision_sim bench --parts works --works 1 2 --sizes 1e4 1e5 --threads 1 2
   collision_sim bench --parts works --peers warp taichi"""

@@ -35,6 +35,13 @@ import yaml
 DEADLINE = 120.0        # s; kernels may have to be compiled; nothing is asserted about times
 TICK = 1.0 / 60.0
 SECOND = 1_000_000_000
+PADDLE = {
+    'particles': {'position': [[0, 0, 0.5], [0.3, 0, 1.0]]},
+    'restitution': 0.5,
+    'colliders': [
+        {'name': 'ground', 'shape': 'plane'},
+        {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
+         'position': [-3, 0, 0.5]}]}
 
 
 def scene_file(folder, scene):

@@ -23,16 +23,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
 from geometry_msgs.msg import PoseStamped  # noqa: E402
-from harness import Driver, jittered_stamps, pose_message  # noqa: E402
-
-SCENE = {
-    'particles': {'position': [[0, 0, 0.5], [0.3, 0, 1.0]]},
-    'restitution': 0.5,
-    'colliders': [
-        {'name': 'ground', 'shape': 'plane'},
-        {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
-         'position': [-3, 0, 0.5]}],
-}
+from harness import Driver, jittered_stamps, PADDLE, pose_message  # noqa: E402
 
 
 def bad_poses(now):
@@ -58,7 +49,7 @@ def test_bad_poses_are_dropped_and_counted(drive):
     def pose(stamp):
         return (stamp - Driver.START - 1.5, 0.0, 0.5), (0, 0, 0, 1)
 
-    drivers = drive(SCENE), drive(SCENE)
+    drivers = drive(PADDLE), drive(PADDLE)
     stamps = jittered_stamps(Driver.START, Driver.START + 2.0)
     reasons = []
     for driver in drivers:
@@ -78,7 +69,7 @@ def test_bad_poses_are_dropped_and_counted(drive):
 
 def test_they_are_counted_in_the_diagnostics_and_warned_of_once(drive, capfd):
     """A flood over the topic, 50 of each reason."""
-    driver = drive(SCENE)
+    driver = drive(PADDLE)
     messages = []
     driver.peer.create_subscription(DiagnosticArray, '/diagnostics', messages.append, 10)
     publisher = driver.peer.create_publisher(PoseStamped, 'paddle/pose', 1000)

@@ -25,20 +25,17 @@ from collision_sim import Simulation  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
 from collision_sim.scene import load_scene  # noqa: E402
 from geometry_msgs.msg import PoseArray, PoseStamped  # noqa: E402
-from harness import jittered_stamps, pose_message, TICK  # noqa: E402
+from harness import jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
 
-PADDLE = {
-    'particles': {'position': [[0, 0, 0.5], [0.3, 0, 1.0]]},
-    'restitution': 0.5,
+ALL_SHAPES = {
+    **PADDLE,
     'colliders': [
-        {'name': 'ground', 'shape': 'plane'},
-        {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
-         'position': [-3, 0, 0.5]},
+        *PADDLE['colliders'],
         {'name': 'pill', 'shape': 'capsule', 'radius': 0.1, 'length': 1, 'position': [5, 0, 1]},
         {'name': 'room', 'shape': 'sphere', 'radius': 50, 'inside': True},
         {'name': 'post', 'shape': 'cylinder', 'radius': 0.1, 'length': 1, 'position': [4, 0, 1]},
@@ -81,7 +78,7 @@ def test_the_default_scene_moves_and_touches(drive):
 
 
 def test_names_are_relative(drive):
-    driver = drive(PADDLE, node_options={'namespace': 'left'})
+    driver = drive(ALL_SHAPES, node_options={'namespace': 'left'})
     names = [name for name, _ in driver.node.get_topic_names_and_types()]
     assert {'/left/collision_sim/particles', '/left/collision_sim/set/restitution',
             '/left/paddle/pose', '/diagnostics'} <= set(names)
@@ -91,7 +88,7 @@ def test_names_are_relative(drive):
 
 
 def test_particles(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     messages = subscribe(driver, PoseArray, '/collision_sim/particles', raw=True)
     listened(driver, driver.outputs._particles)
     driver.run(0.3)
@@ -106,7 +103,7 @@ def test_particles(drive):
 
 
 def test_cloud(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     messages = subscribe(driver, PointCloud2, '/collision_sim/cloud')
     listened(driver, driver.outputs._cloud)
     driver.run(TICK)
@@ -159,7 +156,7 @@ def test_contacts_are_recorded_for_listeners_only(drive):
 
 
 def test_colliders_are_there_for_late_listeners(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     messages = subscribe(driver, MarkerArray, '/collision_sim/colliders', latched)
     driver.spin_until(lambda: messages)
@@ -176,7 +173,7 @@ def test_colliders_are_there_for_late_listeners(drive):
 
 
 def test_frame_and_rate_may_change(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     messages = subscribe(driver, PoseArray, '/collision_sim/particles')
     listened(driver, driver.outputs._particles)
     changes = [Parameter('frame_id', value='odom'),
@@ -190,7 +187,7 @@ def test_frame_and_rate_may_change(drive):
 
 
 def test_nothing_is_published_without_listeners(drive, monkeypatch):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
 
     def fail(*args):
         raise AssertionError('published')
@@ -205,7 +202,7 @@ def test_nothing_is_published_without_listeners(drive, monkeypatch):
 
 
 def test_pause_step_and_reset(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     driver.run(0.2)
     refused = driver.call(Trigger, '/collision_sim/step', Trigger.Request())
     assert not refused.success and 'paused' in refused.message
@@ -228,7 +225,7 @@ def test_pause_step_and_reset(drive):
 
 def test_a_collider_that_moved_during_a_pause_hits_nothing(drive):
     scene = {'gravity': [0, 0, 0], 'particles': {'position': [[0, 0, 0.5]]}, 'restitution': 1.0,
-             'colliders': PADDLE['colliders']}
+             'colliders': ALL_SHAPES['colliders']}
     driver = drive(scene)
 
     def pose(stamp):
@@ -246,7 +243,7 @@ def test_a_collider_that_moved_during_a_pause_hits_nothing(drive):
 
 def test_zero_stamp_means_when_it_was_received(drive, monkeypatch):
     """Poses that wait for a tick of a node on the wall clock are not all of that tick."""
-    driver, seen = drive(PADDLE), []
+    driver, seen = drive(ALL_SHAPES), []
     poses = driver.node._poses
     publisher = driver.peer.create_publisher(PoseStamped, 'paddle/pose', 5)
     driver.spin_until(publisher.get_subscription_count)
@@ -264,7 +261,7 @@ def test_zero_stamp_means_when_it_was_received(drive, monkeypatch):
 
 
 def test_zero_stamp_means_now(drive):
-    driver = drive(PADDLE)
+    driver = drive(ALL_SHAPES)
     driver.run(0.1)
     driver.take('paddle', pose_message(None, (1, 2, 3)))
     driver.run(0.1)

@@ -26,7 +26,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from builtin_interfaces.msg import Time  # noqa: E402, I100
 from collision_sim.ros import clocks  # noqa: E402
 from geometry_msgs.msg import PoseArray  # noqa: E402
-from harness import DEADLINE, jittered_stamps, SECOND, stop_node  # noqa: E402
+from harness import DEADLINE, jittered_stamps, PADDLE, SECOND, stop_node  # noqa: E402
 from rcl_interfaces.srv import SetParameters  # noqa: E402
 import rclpy  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -35,15 +35,6 @@ from std_srvs.srv import SetBool, Trigger  # noqa: E402
 from visualization_msgs.msg import MarkerArray  # noqa: E402
 
 NODE = '/collision_sim'
-PADDLE = {
-    'particles': {'position': [[0, 0, 0.5], [0.3, 0, 1.0]]},
-    'restitution': 0.5,
-    'colliders': [
-        {'name': 'ground', 'shape': 'plane'},
-        {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
-         'position': [-3, 0, 0.5]},
-    ],
-}
 # x of the particle is the simulated time.
 HAND = {'gravity': [0, 0, 0], 'particles': {'position': [[0, 0, 0]], 'velocity': [1, 0, 0]},
         'colliders': [{'name': 'paddle', 'shape': 'sphere', 'radius': 1, 'topic': 'paddle/pose',
