@@ -206,14 +206,14 @@ def _start(curve, time):
     curve.knot[:PLACED] = curve.poses[used, :PLACED]
     curve.knot[PLACED:] = 0.0
     curve.times[JUMP] = min(time, curve.knot[STAMP])
-    _append(curve, cubic(curve.knot[POSITION:ORIENTATION], np.zeros(6), np.zeros(6), np.zeros(6)))
-    curve.times[START] = curve.times[JUMP]
+    _append(curve, curve.times[JUMP], cubic(
+        curve.knot[POSITION:ORIENTATION], np.zeros(6), np.zeros(6), np.zeros(6)))
 
 
 @law
-def _append(curve, table):
-    """Go on with a cubic that leaves the end of the curve."""
-    curve.times[START] = curve.knot[STAMP]
+def _append(curve, start, table):
+    """Go on with a cubic that leaves the end of the curve at a time."""
+    curve.times[START] = start
     curve.base[:] = curve.knot[ORIENTATION:PLACED]
     curve.cubic[:] = table
 
@@ -266,7 +266,7 @@ def _lead(curve, target, time):
     if time > pose[STAMP]:
         _move(end, time - pose[STAMP])
     knot = curve.knot
-    _append(curve, cubic_between(
+    _append(curve, knot[STAMP], cubic_between(
         knot[POSITION:ORIENTATION], knot[ORIENTATION:PLACED], knot[PLACED:],
         end[POSITION:ORIENTATION], end[ORIENTATION:PLACED], twist, time - knot[STAMP]))
     knot[:] = end
@@ -283,7 +283,8 @@ def _coast(curve, bounds, until):
         end = until
     else:
         end = min(until, limit)
-    _append(curve, cubic(knot[POSITION:ORIENTATION], knot[PLACED:], np.zeros(6), np.zeros(6)))
+    _append(curve, knot[STAMP], cubic(
+        knot[POSITION:ORIENTATION], knot[PLACED:], np.zeros(6), np.zeros(6)))
     _move(knot, end - knot[STAMP])
     curve.counts[ON_POSE] = 0
 
