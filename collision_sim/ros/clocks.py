@@ -58,14 +58,18 @@ class FollowedClock:
 
     def __init__(self, node, start):
         """Start now, unless the start is still to come."""
-        self._clock = node.get_clock()
+        self._clock, self._logger = node.get_clock(), node.get_logger()
         self._start = round(start * SECOND)
         self.begin_again()
-        if self.stepped < 0.0:
-            node.get_logger().info('the first step begins in %.3f s' % -self.stepped)
-        elif start > 0.0:
-            late = (self._epoch - self._start) / SECOND
-            node.get_logger().warning('begins %.3f s after start_time' % late)
+
+    def begin(self):
+        """Ask for steps from now on, and say how that fits the start."""
+        self.stand_still()
+        late = (self.nanoseconds() - self._start) / SECOND
+        if late < 0.0:
+            self._logger.info('the first step begins in %.3f s' % -late)
+        elif self._start > 0:
+            self._logger.warning('begins %.3f s after start_time' % late)
 
     def begin_again(self):
         """Make now the epoch, or the start if that is still to come; no steps come before it."""
@@ -165,6 +169,8 @@ class PublishedClock:
     def stand_still(self):
         """Ask for no steps up to now."""
         self._ticked, self._rest = time.monotonic(), 0.0
+
+    begin = stand_still
 
     def due(self, dt):
         """Give how many steps of dt [s] are asked for."""

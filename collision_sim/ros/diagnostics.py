@@ -107,6 +107,12 @@ class Diagnostics:
         self.begin()
         return statuses and DiagnosticArray(status=statuses)
 
+    def preparing(self):
+        """Give the message while the kernels are being compiled: what they measure is left out."""
+        return DiagnosticArray(status=[_status(
+            self._name + ': pace', [(WARN, 'compiling the kernels, nothing moves yet')],
+            {'particles': len(self._simulation.position)})])
+
     def _pace(self):
         """Tell how fast it goes, and what it takes."""
         simulation, elapsed = self._simulation, self._elapsed()

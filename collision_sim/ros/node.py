@@ -31,6 +31,7 @@ from collision_sim.ros.parameters import declare_fixed, declare_values, LivePara
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
+from collision_sim.ros.warm_up import warm_up
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
@@ -42,6 +43,7 @@ from std_srvs.srv import SetBool, Trigger
 SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... tick
 LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
 WARN_PERIOD = 5.0       # s
+WAITING = 0.02          # s between two looks whether the kernels are ready
 # Publishing does not wait until the copies for other processes are made.
 ASYNCHRONOUS = 'RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS'
 
@@ -50,11 +52,20 @@ class CollisionSimNode(SturdyNode):
     """Steps a scene as the clock asks for, between poses and parameters in and messages out."""
 
     def __init__(self, **options):
-        """Load the scene, compile the kernels, and start; options are those of rclpy's Node."""
+        """
+        Load the scene and serve; it moves as soon as its kernels are ready.
+
+        Parameters
+        ----------
+        **options
+            Those of rclpy's Node.
+
+        """
         super().__init__('collision_sim', **options)
-        self._paused = False
-        self._start_simulation()
+        self._paused = self._ready = False
+        self._load_simulation()
         self._poses = PoseTopics(self, self._simulation.scene, self._time)
+        self._poses.hold()
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
@@ -62,32 +73,18 @@ class CollisionSimNode(SturdyNode):
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
                                         self._poses, self._outputs, self._live.refused)
         self._start_ticking()
-        self._say_how_to_use()
+        self._prepare()
 
     # --- start -----------------------------------------------------------------------------
 
-    def _start_simulation(self):
+    def _load_simulation(self):
         scene, name, publish_clock, start = declare_fixed(self)
         scene = declare_values(self, scene)
         self._simulation = Simulation(scene, ledger=self.get_parameter('ledger').value)
-        self._seconds_a_step = self._warm_up()
         self._time = PublishedClock(self, self._simulation) if publish_clock \
             else FollowedClock(self, start)
         self.get_logger().info('scene %s: %d particles, %d colliders' % (
             name, len(self._simulation.position), len(scene.colliders)))
-
-    def _warm_up(self):
-        """Compile the kernels, with and without contacts; give the duration of a step [s]."""
-        self.get_logger().info('preparing the kernels; the first time they are compiled')
-        for recording in (True, False):
-            self._simulation.record_contacts = recording
-            self._simulation.step()
-        self._simulation.clearance()
-        start = time.perf_counter()
-        self._simulation.step()
-        duration = time.perf_counter() - start
-        self._simulation.reset()
-        return duration
 
     def destroy_node(self):
         """Close what the node has opened."""
@@ -107,6 +104,42 @@ class CollisionSimNode(SturdyNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)    # also while a simulated clock stands
         self.create_timer(1.0, self._report, clock=steady)
         self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
+
+    def _prepare(self):
+        """Begin to compile the kernels; until they are ready the node is as in a pause."""
+        self.get_logger().info(
+            'preparing the kernels; the first time they are compiled, which takes a while')
+        self._warm_up = warm_up(self._simulation.scene, self._simulation.ledger is not None)
+        self._waiting = self.create_timer(
+            WAITING, self._begin_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def preparing(self):
+        """Whether a thread is still at work on the kernels."""
+        return not self._warm_up.done()
+
+    @property
+    def failure(self):
+        """What kept the kernels from being ready, an exception; None as a rule."""
+        return None if self.preparing else self._warm_up.exception()
+
+    def wait_until_ready(self):
+        """Do not serve but wait until the kernels are ready; raises what kept them from it."""
+        self._warm_up.result()
+        self._begin_when_ready()
+
+    def _begin_when_ready(self):
+        if self.preparing or self._ready:
+            return
+        self.destroy_timer(self._waiting)
+        if self.failure is not None:
+            self.context.try_shutdown()     # which ends spinning
+            return
+        self._seconds_a_step, self._ready = self._warm_up.result(), True
+        self._time.begin()
+        if not self._paused:
+            self._poses.release(self._time.now())
+        self._say_how_to_use()
 
     def _say_how_to_use(self):
         log = self.get_logger()
@@ -129,7 +162,7 @@ class CollisionSimNode(SturdyNode):
         jump = self._time.jump()
         if jump:
             self._begin_again(jump)
-        elif self._paused or not self._simulation.dt:
+        elif self._paused or not self._ready or not self._simulation.dt:
             self._time.stand_still()
         else:
             self._take_due_steps()
@@ -142,7 +175,7 @@ class CollisionSimNode(SturdyNode):
 
     def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
-        if self._ticks:
+        if self._ticks and self._ready:
             self.get_logger().warning('the clock jumped by %.3f s' % jump)
         self._poses.forget()
         self._time.begin_again()
@@ -189,7 +222,8 @@ class CollisionSimNode(SturdyNode):
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
-        message = self._diagnostics.report(self._time.now())
+        message = self._diagnostics.report(self._time.now()) if self._ready \
+            else self._diagnostics.preparing()
         if message is not None:
             message.header.stamp = self.get_clock().now().to_msg()
             self._diagnostic.publish(message)
@@ -239,13 +273,15 @@ class CollisionSimNode(SturdyNode):
         self._poses.take_arrived()
         if request.data:
             self._poses.hold()
-        elif self._paused:
+        elif self._paused and self._ready:
             self._poses.release(self._time.now())
         self._paused = self._diagnostics.paused = request.data
         return _answer(response, True, 'paused' if self._paused else 'running')
 
     def _step(self, request, response):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
+        if not self._ready:
+            return _answer(response, False, 'the kernels are still being compiled')
         if not self._paused:
             return _answer(response, False, 'only while paused')
         self._poses.take_arrived()
@@ -291,6 +327,8 @@ def run(args, stopped):
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionSimNode()
         spin(node, stopped)
+        if node.failure is not None:
+            raise node.failure
     except (ParameterException, RuntimeError, ValueError) as error:
         print('collision_sim_node: %s' % error, file=sys.stderr)
         status = 1

@@ -22,7 +22,7 @@ from collections import Counter
 from itertools import pairwise
 
 from collision_sim.core.held_pose import HeldPose
-from collision_sim.core.pose_stream import PoseError, PoseStream, prepare
+from collision_sim.core.pose_stream import PoseError, PoseStream
 from collision_sim.ros.messages import read_pose, SECOND
 import numpy as np
 
@@ -58,8 +58,6 @@ class PoseStreams:
         self.dropped = Counter()
         self._seconds = seconds
         self._streams = {name: PoseStream() for name in self.topics}
-        if self.topics:
-            prepare()
         self._held = {}         # HeldPose by collider while time stands still
 
     def set_times(self, delay, timeout):
@@ -81,6 +79,8 @@ class PoseStreams:
         """Drop all poses: their stamps are those of another time."""
         for stream in self._streams.values():
             stream.reset()
+        for held in self._held.values():
+            held.forget_stamp()
 
     def stale(self, now):
         """Names of the colliders whose poses have stopped for longer than the time-out."""

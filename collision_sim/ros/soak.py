@@ -155,7 +155,7 @@ def running(particles, *arguments):
              '-p', 'scene:=%s' % path, *arguments])
         watch = Watch()
         try:
-            watch.until(lambda: watch.messages and watch.poses.get_subscription_count())
+            watch.until(lambda: watch.step_times and watch.poses.get_subscription_count())
             yield process, watch
         finally:
             process.send_signal(signal.SIGINT)

@@ -18,7 +18,9 @@ Starts and ends the node.
 Apart from the node, so that signals are taken care of before anything is imported that takes long.
 """
 
+import os
 import signal
+import sys
 
 STOP = (signal.SIGINT, signal.SIGTERM)
 
@@ -30,7 +32,18 @@ def main(args=None):
         signal.signal(number, lambda received, frame: stopped.append(received))
     try:
         from collision_sim.ros.node import run
-        return 0 if stopped else run(args, stopped)
+        status = 0 if stopped else run(args, stopped)
+        _leave_the_compiler(status)
+        return status
     finally:
         for number in STOP:     # the interpreter would restore the default on its way out
             signal.signal(number, signal.SIG_IGN)
+
+
+def _leave_the_compiler(status):
+    """End the process here if a thread is still compiling: the interpreter would crash on it."""
+    from collision_sim.ros.warm_up import at_work
+    if at_work():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)

@@ -36,9 +36,9 @@ def drive(tmp_path):
     from harness import Driver, scene_file
     drivers = []
 
-    def make(scene=None, node_options=None, **parameters):
+    def make(scene=None, node_options=None, ready=True, **parameters):
         name = scene if isinstance(scene, (str, type(None))) else scene_file(tmp_path, scene)
-        drivers.append(Driver(name, parameters, node_options))
+        drivers.append(Driver(name, parameters, node_options, ready))
         return drivers[-1]
 
     yield make

@@ -21,6 +21,7 @@ import subprocess
 import sys
 import time
 
+from collision_sim.ros.messages import read_pose_array
 from collision_sim.ros.node import CollisionSimNode
 from geometry_msgs.msg import PoseStamped
 import rclpy
@@ -68,17 +69,24 @@ def jittered_stamps(begin, end, rate=30.0, jitter=5e-3, seed=0):
     return [begin + k / rate + rng.uniform(-jitter, jitter) for k in range(count)]
 
 
+def moved(messages):
+    """Whether the poses of raw PoseArrays have changed, as they do when the kernels are ready."""
+    return len(messages) > 1 and \
+        (read_pose_array(messages[0])[3] != read_pose_array(messages[-1])[3]).any()
+
+
 class Driver:
     """
     A node in this process on a simulated clock, so that nothing depends on the machine's speed.
 
-    Poses reach their callback LATENCY after their stamp; everything else goes by real topics.
+    Its kernels are ready, unless it is not to wait for them. Poses reach their callback LATENCY
+    after their stamp; everything else goes by real topics.
     """
 
     LATENCY = 3e-3
     START = 1000.0      # s on the clock
 
-    def __init__(self, scene, parameters, node_options=None):
+    def __init__(self, scene, parameters, node_options=None, ready=True):
         self.context = Context()
         rclpy.init(context=self.context)
         overrides = [Parameter(name.replace('__', '.'), value=value)
@@ -88,6 +96,8 @@ class Driver:
             overrides.append(Parameter('scene', value=scene))
         self.node = CollisionSimNode(
             context=self.context, parameter_overrides=overrides, **(node_options or {}))
+        if ready:
+            self.node.wait_until_ready()
         self.node._timer.cancel()
         self.peer = rclpy.create_node('peer', context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)

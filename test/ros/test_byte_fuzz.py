@@ -86,7 +86,8 @@ def test_mutated_poses_leave_the_node_alive_and_no_larger(run_node, peer):
     publisher = peer.node.create_publisher(PoseStamped, 'paddle/pose', BURST)
     colliders = peer.subscribe(MarkerArray, NODE + '/colliders')
     diagnostics = peer.subscribe(DiagnosticArray, '/diagnostics')
-    peer.spin_until(lambda: publisher.get_subscription_count() and colliders and diagnostics)
+    peer.spin_until(lambda: publisher.get_subscription_count() and colliders and diagnostics
+                    and 'compiling' not in diagnostics[-1].status[0].message)
     rng = np.random.default_rng(0)
 
     def valid():

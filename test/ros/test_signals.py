@@ -28,9 +28,11 @@ import pytest
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 from geometry_msgs.msg import PoseArray  # noqa: E402, I100
-from harness import DEADLINE  # noqa: E402
+from harness import DEADLINE, moved  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 LONG = 20               # runs of each with --long
+SOON = 20.0             # s; a node ends sooner than its kernels are compiled
 NODE = '/collision_sim'
 SIGNALS = [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT),
            (signal.SIGINT, signal.SIGTERM)]
@@ -38,8 +40,15 @@ SIGNALS = [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT),
 LOAD = {'particles': {'count': 20_000, 'box': {'min': [-1, -1, 0], 'max': [1, 1, 2]}},
         'friction': {'dry': 0.3}, 'colliders': [{'name': 'ground', 'shape': 'plane'}],
         'stepping': {'dt': 1e-5}}
-IDLE = {'particles': {'position': [[0, 0, 1]]},
+IDLE = {'particles': {'position': [[0, 0, 1e5]]},
         'colliders': [{'name': 'ground', 'shape': 'plane'}]}
+RICH = {'particles': {'count': 100, 'box': {'min': [-1, -1, 0.1], 'max': [1, 1, 2]},
+                      'radius': 0.02},
+        'friction': {'dry': 0.3}, 'restitution': 0.5, 'drag': {'quadratic': 0.1},
+        'pairs': {'friction': {'dry': 0.1}}, 'stepping': {'detection': 'trajectory'},
+        'colliders': [{'name': 'ground', 'shape': 'plane'},
+                      {'name': 'moved', 'shape': 'box', 'size': [1, 1, 1], 'topic': 'moved/pose',
+                       'position': [3, 0, 0]}]}
 START = """
 import sys, types
 package = types.ModuleType('collision_sim')
@@ -72,13 +81,14 @@ def mapped(process):
     return {Path(path) for path in re.findall(r'/dev/shm/fastrtps_[0-9a-f]+', maps)}
 
 
-def end(process, signals, pause):
-    """Send the signals [s] apart, and check that the node ends well."""
+def end(process, signals, pause, deadline=DEADLINE):
+    """Send the signals [s] apart, and check that the node ends well; gives what it printed."""
     for number in signals:
         process.send_signal(number)
         time.sleep(pause)
-    printed, _ = process.communicate(timeout=DEADLINE)
+    printed, _ = process.communicate(timeout=deadline)
     assert process.returncode == 0 and 'Traceback' not in printed, printed
+    return printed
 
 
 @pytest.mark.parametrize('signals', SIGNALS, ids=names)
@@ -89,7 +99,7 @@ def test_signals_end_the_node(run_node, peer, runs, scene, signals):
         before = shared_memory()
         process = run_node(scene)
         messages.clear()
-        peer.spin_until(lambda: len(messages) > 2)
+        peer.spin_until(lambda: moved(messages))
         files = mapped(process) - before
         assert files
         end(process, signals, random.Random(run).uniform(0.0, 0.01))
@@ -106,3 +116,19 @@ def test_signals_while_starting(runs, signals, pause):
         process.stdout.readline()
         time.sleep(0.01 + pause + 0.1 * run / LONG)
         end(process, signals, random.Random(run).uniform(0.0, 0.01))
+
+
+@pytest.mark.parametrize('signals', SIGNALS[:3], ids=names)
+def test_signals_while_the_kernels_compile(run_node, peer, runs, monkeypatch, tmp_path, signals):
+    """The node serves meanwhile, and ends long before they are ready."""
+    for run in runs:
+        monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / f'numba{run}'))
+        before = shared_memory()
+        process = run_node(RICH)
+        answer = peer.call(Trigger, NODE + '/step', Trigger.Request())
+        assert not answer.success and 'compiled' in answer.message
+        time.sleep(2.0 + 0.5 * run)
+        files = mapped(process) - before
+        printed = end(process, signals, random.Random(run).uniform(0.0, 0.01), SOON)
+        assert 'preparing the kernels' in printed and NODE + ' publishes' not in printed
+        assert files and not any(path.exists() for path in files)

@@ -21,7 +21,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from collision_sim.ros.messages import read_pose_array  # noqa: E402, I100
 from geometry_msgs.msg import PoseArray  # noqa: E402
-from harness import SECOND  # noqa: E402
+from harness import moved, SECOND  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 NODE = '/collision_sim'
@@ -38,7 +38,7 @@ def test_ten_thousand_poses_a_message_in_order_and_none_lost(run_node, peer):
     run_node(SCENE, '-p', 'publish_clock:=true', '-p', 'publish_rate:=1.0')
     messages = peer.subscribe(PoseArray, NODE + '/particles', raw=True)
     client = peer.node.create_client(Trigger, NODE + '/step')
-    peer.spin_until(lambda: messages and client.service_is_ready())
+    peer.spin_until(lambda: moved(messages) and client.service_is_ready())
     peer.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
     peer.call(Trigger, NODE + '/reset', Trigger.Request())
     messages.clear()

@@ -137,7 +137,7 @@ class Hand:
 def hand(run_node, peer):
     process = run_node(HAND, '-p', 'use_sim_time:=true')
     hand = Hand(peer)
-    peer.spin_until(lambda: hand.run(0.1) or len(hand.messages) > 5)
+    peer.spin_until(lambda: hand.run(0.1) or hand.messages and hand.simulated() > 0.0)
     yield hand
     printed = stop_node(process)
     assert process.returncode == 0 and 'Traceback' not in printed

@@ -33,8 +33,10 @@ import signal
 import sys
 import threading
 import rclpy
-from collision_sim.ros import node
+from collision_sim import load_scene
+from collision_sim.ros import node, warm_up
 
+warm_up.warm_up(load_scene('demo'), False).result()     # the process ends by itself
 for k in range(2):
     stopped = []
     threading.Timer(2.0, stopped.append, [signal.SIGINT]).start()

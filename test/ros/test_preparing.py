@@ -1,0 +1,180 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""While its kernels are being compiled the node serves as in a pause; then it moves."""
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from collision_sim.ros import warm_up  # noqa: E402, I100
+from collision_sim.ros.messages import read_pose_array  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from geometry_msgs.msg import PoseArray  # noqa: E402
+from harness import DEADLINE, jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
+from rcl_interfaces.srv import ListParameters, SetParameters  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from std_msgs.msg import Float64  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
+
+NODE = '/collision_sim'
+UPRIGHT = (0, 0, 0, 1)
+FAILS = """
+import sys
+from collision_sim.ros import warm_up
+from collision_sim.ros.start import main
+
+def fail(scene, ledger):
+    raise RuntimeError('no machine code today')
+
+warm_up._compile = fail
+sys.exit(main([]))
+"""
+
+
+@pytest.fixture
+def slow(drive, monkeypatch):
+    """Give a function that makes a node whose kernels are not ready before `release`."""
+    compiled, events = warm_up._compile, []
+
+    def make(scene, **parameters):
+        released = threading.Event()
+        events.append(released)
+
+        def wait(scene, ledger):
+            assert released.wait(DEADLINE)
+            return compiled(scene, ledger)
+
+        monkeypatch.setattr(warm_up, '_compile', wait)
+        driver = drive(scene, ready=False, **parameters)
+        driver.released = released
+        return driver
+
+    yield make
+    for released in events:
+        released.set()
+
+
+def release(driver):
+    driver.released.set()
+    driver.node.wait_until_ready()
+
+
+def set_restitution(driver, value):
+    request = SetParameters.Request(
+        parameters=[Parameter('restitution', value=value).to_parameter_msg()])
+    return driver.call(SetParameters, NODE + '/set_parameters', request).results[0]
+
+
+def test_services_and_parameters_answer(slow):
+    driver = slow(PADDLE)
+    names = driver.call(ListParameters, NODE + '/list_parameters',
+                        ListParameters.Request()).result.names
+    assert {'restitution', 'publish_rate', 'gravity'} <= set(names)
+    assert set_restitution(driver, 0.25).successful
+    assert not set_restitution(driver, 2.0).successful
+    assert driver.call(Trigger, NODE + '/reset', Trigger.Request()).success
+    for data in (True, False):
+        assert driver.call(SetBool, NODE + '/pause', SetBool.Request(data=data)).success
+    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
+    assert not answer.success and 'compiled' in answer.message
+    value = driver.peer.create_publisher(Float64, NODE + '/set/publish_rate', 1)
+    driver.spin_until(value.get_subscription_count)
+    value.publish(Float64(data=30.0))
+    driver.spin_until(lambda: driver.node.get_parameter('publish_rate').value == 30.0)
+    release(driver)
+    driver.run(0.5)
+    assert driver.simulation.scene.restitution == 0.25
+    assert driver.simulation.time == pytest.approx(0.5, abs=driver.simulation.dt)
+
+
+def test_the_start_is_shown_and_time_begins_when_it_is_over(slow):
+    """Nothing moves before, and no steps are caught up with."""
+    driver, messages = slow(PADDLE), []
+    driver.peer.create_subscription(PoseArray, NODE + '/particles', messages.append, 5, raw=True)
+    driver.spin_until(lambda: driver.outputs._particles.get_subscription_count())
+    driver.run(5.0, each=lambda: driver.executor.spin_once(timeout_sec=0.0))
+    driver.spin_until(lambda: messages)
+    start = PADDLE['particles']['position']
+    for message in messages:
+        np.testing.assert_array_equal(read_pose_array(message)[3][:, :3], start)
+    assert driver.simulation.time == 0.0
+    release(driver)
+    driver.set_clock(driver.now + TICK)
+    driver.node._tick()
+    assert 0.0 < driver.simulation.time <= TICK
+    driver.run(0.5 - TICK)
+    assert driver.simulation.time == pytest.approx(0.5, abs=driver.simulation.dt)
+
+
+def test_diagnostics_say_so(slow):
+    driver, messages = slow(PADDLE), []
+    driver.peer.create_subscription(DiagnosticArray, '/diagnostics', messages.append, 5)
+    driver.spin_until(lambda: messages)
+    pace, = messages[-1].status
+    assert pace.level == DiagnosticStatus.WARN and 'compiling' in pace.message
+    driver.released.set()
+    driver.spin_until(lambda: messages[-1].status[0].level == DiagnosticStatus.OK)
+    assert len(messages[-1].status) == 3
+
+
+def test_a_collider_begins_at_the_newest_pose(slow):
+    """Also where the clock has jumped meanwhile; none is dropped."""
+    driver = slow(PADDLE)
+
+    def pose(stamp):
+        return (0.01 * (stamp - driver.now) - 1.0, 0.0, 0.5), UPRIGHT
+
+    driver.take('paddle', pose_message(driver.now, (-2, 0, 0.5)))
+    driver.set_clock(driver.now + 400.0)
+    driver.run(2.0, {'paddle': pose}, jittered_stamps(driver.now, driver.now + 1.9))
+    assert driver.simulation.collider_pose('paddle')[0][0] == -3.0
+    release(driver)
+    driver.run(0.2)
+    assert -1.01 < driver.simulation.collider_pose('paddle')[0][0] < -0.99
+    assert not driver.node._poses.dropped and not driver.simulation.velocity[:, 0].any()
+
+
+def test_a_pause_asked_for_meanwhile_goes_on(slow):
+    driver = slow(PADDLE)
+    driver.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
+    driver.take('paddle', pose_message(None, (-2, 0, 0.5)))
+    release(driver)
+    driver.run(0.2)
+    assert driver.simulation.time == 0.0
+    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
+    assert answer.success and answer.message.endswith('moved: paddle')
+    assert driver.simulation.time == driver.simulation.dt
+
+
+def test_a_start_time_holds(slow):
+    """One that comes while the kernels compile is late, a later one is kept to."""
+    for start, simulated in ((1.0, 0.5), (2.25, 0.25)):
+        driver = slow(PADDLE, start_time=1000.0 + start)
+        driver.run(2.0)
+        release(driver)
+        driver.run(0.5)
+        assert driver.simulation.time == pytest.approx(simulated, abs=2 * driver.simulation.dt)
+
+
+def test_the_node_ends_where_they_cannot_be_compiled():
+    done = subprocess.run([sys.executable, '-c', FAILS], capture_output=True, text=True,
+                          timeout=DEADLINE)
+    assert done.returncode == 1 and 'Traceback' not in done.stderr
+    assert done.stderr.strip().endswith('collision_sim_node: no machine code today')
