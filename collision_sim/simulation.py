@@ -73,7 +73,7 @@ class Simulation:
     contacts : bool
         Whether to record the contacts of each step.
     threads : int or None
-        Most threads to use; None: as many as Numba would. Results do not depend on it.
+        Most threads to use; None: as many as Numba would now. Results do not depend on it.
     ledger : bool
         Whether to keep the accounts of energy and momentum (`ledger`).
 
@@ -88,7 +88,7 @@ class Simulation:
 
     def __init__(self, scene, contacts=True, threads=None, ledger=False):
         self.record_contacts = bool(contacts)
-        self._threads = threads
+        self._threads = threads or numba.get_num_threads()
         self._colliders = Kinematics(scene)
         self._meshes = mesh_tables(scene)
         self._x = np.empty((3, len(scene.particles.position)))
@@ -260,7 +260,7 @@ class Simulation:
             Not negative.
 
         """
-        if not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
+        if type(n) is not int and not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
             raise SceneError('step', n, 'must be a whole number that is not negative')
         self._go_on(n, 0.0)
 
@@ -326,7 +326,7 @@ class Simulation:
             self._log = np.empty((len(self._accounts), LOG, rows)) if self.record_contacts \
                 else None
             self._plan = None
-        threads, colliders = self._threads or numba.get_num_threads(), self._colliders
+        threads, colliders = self._threads, self._colliders
         if self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
             share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,

@@ -17,6 +17,7 @@
 from math import sqrt
 
 from collision_sim.core import blocks, shapes
+from collision_sim.core.jit import WORD
 from collision_sim.core.rotation import rotation_matrix
 from numba import njit
 import numpy as np
@@ -30,11 +31,11 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 def touching(table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
     present = shapes.Present(1, 1, 1, 1, 1, None)
-    count, clear = x.shape[1], np.ones(x.shape[1])
-    found, distance = np.empty(count + 1, dtype=np.int64), np.empty(count)
+    count, clear = x.shape[1], np.ones(x.shape[1] + WORD)
+    found, distance = np.empty(count, dtype=np.int64), np.empty(count)
     blocks.clear_of_others(None, present, table, poses, 0, blocks.NONE, radius, None, x[0], x[1],
-                           x[2], clear, None)
-    n = blocks.collect(clear, found)
+                           x[2], clear[:count], None)
+    n = blocks.collect(clear, count, found, 0)
     for i in range(count):
         point = (x[0, i], x[1, i], x[2, i])
         distance[i] = shapes.signed_distance(present, table, poses, 0, 0, point)[0] - radius[i]
@@ -78,12 +79,13 @@ def test_nobody_inside_is_missed(shape, kind, side, gap, radius):
 @njit
 def not_clear(x, new):
     """Call kernels, which have no entry from Python: who is not finite."""
-    clear, found = np.empty(x.shape[1]), np.empty(x.shape[1] + 1, dtype=np.int64)
-    blocks.clear_if_finite(x[0], x[1], x[2], clear)
+    count, clear = x.shape[1], np.empty(x.shape[1] + WORD)
+    found = np.empty(count, dtype=np.int64)
+    blocks.clear_if_finite(x[0], x[1], x[2], clear[:count])
     for k in range(2):      # a shape that is far away
-        for i in range(clear.shape[0]):
+        for i in range(count):
             clear[i] = blocks._smaller(clear[i], new[k, i])
-    return found[:blocks.collect(clear, found)]
+    return found[:blocks.collect(clear, count, found, 0)]
 
 
 def test_places_that_are_not_finite_are_not_clear():

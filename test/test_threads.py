@@ -18,9 +18,9 @@ import os
 from threading import current_thread, main_thread, Thread
 from time import sleep
 
-from collision_sim.core.threads import (CLAIMED, Crew, DONE, ENTERED, fetch_add, FIRST, LEFT,
-                                        NO_PIECE, piece_of, post, SECOND, SERIAL, share, TICKET,
-                                        wait_for_job, wait_until_done)
+from collision_sim.core.threads import (AT_END, AT_START, claim, CLAIMED, CREW, Crew, DONE,
+                                        ENTERED, fetch_add, FIRST, LEFT, NO_PIECE, post, SECOND,
+                                        share, wait_for_job, wait_until_done)
 from numba import njit
 import numpy as np
 import pytest
@@ -45,16 +45,15 @@ def add_pieces(job, pieces, first, second, looks, done, work):
     """Add the two numbers of a job to each entry of `done` that this thread claims."""
     if pieces != NO_PIECE:
         post(job, pieces, first, second)
-    serial = -1
+    serial, side = -1, AT_END if pieces == NO_PIECE else AT_START
     while wait_for_job(job, serial, looks if pieces == NO_PIECE else 0):
-        ticket = fetch_add(job, TICKET, 1)
-        serial, piece = ticket >> SERIAL, piece_of(job, ticket)
+        serial, piece, _ = claim(job, side)
         while piece != NO_PIECE:
             for k in range(work.shape[0]):
                 work[k] += 1.0 / (1.0 + piece)
             done[piece] += job[FIRST] + job[SECOND]
             fetch_add(job, DONE, 1)
-            piece = piece_of(job, fetch_add(job, TICKET, 1))
+            _, piece, _ = claim(job, side)
     return wait_until_done(job, looks)
 
 
@@ -70,6 +69,30 @@ def test_a_crew_does_each_piece_of_each_job_once(threads, pieces, stays):
         if job % 20 == 0:
             sleep(2e-3)
     assert done.tolist() == [sum(range(1, 51))] * pieces
+
+
+@njit
+def claim_serial(job):
+    """Give the number of the job that a claim now is for."""
+    return claim(job, AT_START)[0]
+
+
+@njit
+def claimed(job, pieces, sides):
+    """Post a job of so many pieces, and claim one after the other from these sides."""
+    post(job, pieces, 0, 0)
+    return [claim(job, side)[1:] for side in sides]
+
+
+def test_pieces_are_claimed_from_both_ends():
+    """Each once, however the two meet; a finished job gives none, nor one that begins anew."""
+    job = np.zeros(CREW, dtype=np.int64)
+    sides = np.array([AT_START, AT_END, AT_END, AT_START, AT_END, AT_START, AT_END, AT_START])
+    for serial in range(1, 4):
+        found = claimed(job, 5, sides)
+        assert found[:5] == [(0, 4), (4, 3), (3, 2), (1, 1), (2, 0)]
+        assert all(piece == NO_PIECE and left < 0 for piece, left in found[5:])
+        assert claim_serial(job) == serial
 
 
 def test_two_crews_at_once():

@@ -24,12 +24,14 @@ by one by response.py.
 from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others_of,
                                             radius_at)
 from collision_sim.core.flight import affine, quadratic_factor
-from collision_sim.core.jit import kernel, prefetch, widest_vectors
+from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch, select,
+                                    widest_vectors, WORD)
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
 NONE = -1               # no collider to leave out
-LINE, TILE = 8, 64      # numbers in a cache line; particles between two bursts of prefetching
+TILE = 256              # particles that are flown and tested at a time
+LINE = 8                # numbers in a cache line
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 
@@ -77,9 +79,9 @@ def fly_block(flight, x, y, z, vx, vy, vz, new, factor):
         Coefficients of the step.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
         State at the start of the step.
-    new : (6, BLOCK) float64
+    new : (6, TILE) float64
         Overwritten with position and velocity at its end.
-    factor : (B,) float64
+    factor : (TILE,) float64
         Scratch.
 
     """
@@ -101,36 +103,58 @@ def fly_block(flight, x, y, z, vx, vy, vz, new, factor):
 
 @kernel
 def _place_component(gains, mean_shift, dt, ahead, x, v, new):
-    """Write the candidates of one component, and prefetch the block that is next meanwhile."""
+    """Write the candidates of one component, and prefetch what comes later."""
     widest_vectors()
-    for tile in range((x.shape[0] + TILE - 1) // TILE):
-        first = TILE * tile
-        size = min(TILE, x.shape[0] - first)
-        for i in range(0, size, LINE):
-            prefetch(x, first + ahead + i)
-            prefetch(v, first + ahead + i)
-        for i in range(size):
-            j = np.uint64(first + i)        # Numba lets a signed index count from the end
-            new[j] = x[j] + dt * affine(gains, 1, v[j], mean_shift)
+    if ahead != 0:
+        for i in range(0, x.shape[0], LINE):
+            prefetch(x, ahead + i)
+            prefetch(v, ahead + i)
+    for i in range(x.shape[0]):
+        new[i] = x[i] + dt * affine(gains, 1, v[i], mean_shift)
 
 
 @kernel
 def place_block(flight, ahead, x, y, z, vx, vy, vz, new):
     """
-    Write the candidate positions of a block; `fly_block` without quadratic drag and velocities.
+    Write the candidate positions of a tile; `fly_block` without quadratic drag and velocities.
 
     Parameters
     ----------
     flight, x, y, z, vx, vy, vz, new
         As in `fly_block`; only positions are written.
     ahead : int
-        How far behind the particles of the block those begin that are prefetched.
+        How far behind the particles of the tile those begin that are prefetched; 0 for none.
 
     """
     mean, gains, dt = flight.mean_shift, flight.gains, flight.dt
     _place_component(gains, mean[0], dt, ahead, x, vx, new[0])
     _place_component(gains, mean[1], dt, ahead, y, vy, new[1])
     _place_component(gains, mean[2], dt, ahead, z, vz, new[2])
+
+
+@inlined
+def hold(x, y, z, vx, vy, vz, first, touching, before, count, held):
+    """
+    Keep the state of the particles of a tile that may touch something.
+
+    Parameters
+    ----------
+    x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
+        State of the block.
+    first : int
+        First particle of the tile.
+    touching : (BLOCK,) int64
+        Their numbers in the tile, from entry `before` to `count`; overwritten with those in the
+        block.
+    held : (6, BLOCK) float64
+        Overwritten with their places and velocities, at the same entries.
+
+    """
+    for k in range(before, count):
+        j = np.uint64(first + touching[k])
+        touching[k] = j
+        held[0, k], held[1, k], held[2, k] = x[j], y[j], z[j]
+        held[3, k], held[4, k], held[5, k] = vx[j], vy[j], vz[j]
 
 
 @kernel
@@ -142,53 +166,45 @@ def _copy(source, target):
 
 @kernel
 def take_places(x, y, z, new):
-    """Take the positions of a block from `new` (6, BLOCK)."""
+    """Take the positions of a tile from `new` (6, TILE)."""
     _copy(new[0], x)
     _copy(new[1], y)
     _copy(new[2], z)
 
 
 @kernel
-def _gain_component(gains, end_shift, clear, v):
+def _gain_component(gains, end_shift, v):
     widest_vectors()
     for i in range(v.shape[0]):
-        after = affine(gains, 0, v[i], end_shift)
-        v[i] = after if clear[i] >= 0.0 else v[i]
+        v[i] = affine(gains, 0, v[i], end_shift)
 
 
 @kernel
-def gain_velocities(flight, clear, vx, vy, vz):
-    """Give a block the velocities at the end of its flight, but for those that are not clear."""
+def gain_velocities(flight, vx, vy, vz):
+    """Give a tile the velocities at the end of its flight."""
     end, gains = flight.end_shift, flight.gains
-    _gain_component(gains, end[0], clear, vx)
-    _gain_component(gains, end[1], clear, vy)
-    _gain_component(gains, end[2], clear, vz)
+    _gain_component(gains, end[0], vx)
+    _gain_component(gains, end[1], vy)
+    _gain_component(gains, end[2], vz)
 
 
 @kernel
-def _copy_if_clear(clear, source, target):
-    widest_vectors()
-    for i in range(target.shape[0]):
-        target[i] = source[i] if clear[i] >= 0.0 else target[i]
-
-
-@kernel
-def take_velocities(clear, vx, vy, vz, new):
-    """Take the velocities of a block from `new` (6, BLOCK), but for those that are not clear."""
-    _copy_if_clear(clear, new[3], vx)
-    _copy_if_clear(clear, new[4], vy)
-    _copy_if_clear(clear, new[5], vz)
+def take_velocities(vx, vy, vz, new):
+    """Take the velocities of a tile from `new` (6, TILE)."""
+    _copy(new[3], vx)
+    _copy(new[4], vy)
+    _copy(new[5], vz)
 
 
 @kernel
 def _smaller(a, b):
     """Give the smaller number; NaN where the first one is."""
-    return b if b < a else a
+    return select(b < a, b, a)
 
 
 @kernel
 def _larger(a, b):
-    return a if a > b else b
+    return select(a > b, a, b)
 
 
 @kernel
@@ -197,7 +213,7 @@ def _square_limit(size, side, r):
     return limit * limit * (1.0 + side * MARGIN)
 
 
-@kernel
+@inlined
 def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
     if present is not None:
@@ -213,7 +229,7 @@ def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z,
                 clear[i] = _smaller(clear[i], side * q - near_at(radius, i, margin))
 
 
-@kernel
+@inlined
 def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
     if present is not None:
@@ -231,7 +247,7 @@ def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z
                 clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
 
 
-@kernel
+@inlined
 def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
     if present is not None:
@@ -253,7 +269,7 @@ def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, 
                 clear[i] = _smaller(clear[i], side * outside - near_at(radius, i, margin))
 
 
-@kernel
+@inlined
 def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
     if present is not None:
@@ -275,7 +291,7 @@ def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, 
                 clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
 
 
-@kernel
+@inlined
 def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
     if present is not None:
@@ -307,7 +323,7 @@ def path_lengths(x, y, z, new, radius, lengths):
         lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)
 
 
-@kernel
+@inlined
 def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear,
                     cells):
     """
@@ -357,26 +373,34 @@ def clear_if_finite(x, y, z, clear):
         clear[i] = 1.0 + 0.0 * (x[i] + y[i] + z[i])
 
 
-@kernel
-def collect(clear, touching):
+@inlined
+def collect(clear, size, touching, count):
     """
-    Find the particles of a block that are not clear.
+    Find the particles of a tile that are not clear.
 
     Parameters
     ----------
-    clear : (B,) float64
+    clear : (TILE,) float64
         Negative or NaN: not clear.
-    touching : (B + 1,) int64
-        Overwritten with their numbers, ascending.
+    size : int
+        Particles of the tile; what comes after theirs is overwritten.
+    touching : (BLOCK,) int64
+        Overwritten with their numbers, ascending, from entry `count` on.
+    count : int
+        Entries before.
 
     Returns
     -------
     count : int
-        How many.
+        Entries now.
 
     """
-    count = 0
-    for i in range(clear.shape[0]):
-        touching[count] = i
-        count += not clear[i] >= 0.0
+    for i in range(size, (size + WORD - 1) // WORD * WORD):
+        clear[i] = 1.0
+    for first in range(0, size, WORD):
+        bits = not_clear(clear, first)
+        while bits != 0:
+            touching[count] = first + lowest(bits)
+            count += 1
+            bits &= bits - np.uint64(1)
     return count

@@ -31,7 +31,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from llvmlite import binding, ir
-from numba import config, njit, types
+from numba import config, njit, typeof, types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -104,6 +104,7 @@ def _compiled(options):
     return decorate
 
 
+WORD = 64               # bits
 SOURCES = _sources()
 law = _compiled(LAW)
 formula = _compiled(FORMULA)
@@ -112,12 +113,36 @@ kernel = _compiled(KERNEL)
 inlined = _compiled({**KERNEL, 'forceinline': True})
 
 
+def bound(function, *args):
+    """
+    Give the machine code of an entry for arguments of these types, compiled if need be.
+
+    Finding out the types takes longer than a step of a few particles; who calls again and again
+    with the same ones does it once.
+    """
+    if not hasattr(function, 'compile'):
+        return function
+    return function.compile(tuple(typeof(arg) for arg in args))
+
+
 if config.DISABLE_JIT:
     def widest_vectors():
         """Do nothing: there are no vector instructions."""
 
     def prefetch(array, index):
         """Do nothing: there is no hurry."""
+
+    def select(condition, a, b):
+        """Give a where the condition holds, else b."""
+        return a if condition else b
+
+    def not_clear(array, index):
+        """Give the entries from an index on that are negative or NaN, as WORD bits."""
+        return sum((not array[index + k] >= 0.0) << k for k in range(WORD))
+
+    def lowest(bits):
+        """Give the number of the lowest bit that is set; there is one."""
+        return (int(bits) & -int(bits)).bit_length() - 1
 else:
     @intrinsic
     def widest_vectors(typing_context):
@@ -151,3 +176,35 @@ else:
             builder.call(function, [place, flag(write), flag(soon), flag(data)])
             return context.get_dummy_value()
         return types.none(array, types.intp), generate
+
+    @intrinsic
+    def select(typing_context, condition, a, b):
+        """
+        Give a where the condition holds, else b; both are worked out, without a branch.
+
+        Of `x[i] = a if c else x[i]` LLVM makes a store under a mask, which takes AMD several times
+        as long as one without.
+        """
+        def generate(context, builder, signature, arguments):
+            return builder.select(*arguments)
+        return types.float64(types.boolean, types.float64, types.float64), generate
+
+    @intrinsic
+    def not_clear(typing_context, array, index):
+        """Give the entries from an index on that are negative or NaN, as WORD bits."""
+        def generate(context, builder, signature, arguments):
+            entries = make_array(signature.args[0])(context, builder, arguments[0])
+            place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
+                                             [arguments[1]], wraparound=False)
+            many = ir.VectorType(ir.DoubleType(), WORD)
+            loaded = builder.load(builder.bitcast(place, many.as_pointer()), align=8)
+            return builder.bitcast(builder.fcmp_unordered('<', loaded, many(None)),
+                                   ir.IntType(WORD))
+        return types.uint64(array, types.intp), generate
+
+    @intrinsic
+    def lowest(typing_context, bits):
+        """Give the number of the lowest bit that is set; there is one."""
+        def generate(context, builder, signature, arguments):
+            return builder.cttz(arguments[0], ir.IntType(1)(1))
+        return types.int64(types.uint64), generate

@@ -36,6 +36,7 @@ from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT,
 from collision_sim.core.shapes import KIND, PLANE, RESTITUTION
 from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, LARGE_SQUARE, largest,
                                         origin, SMALL_SQUARE, subtract)
+import numpy as np
 
 CHUNK = 64                  # particles answered at a time
 LANES = 8                   # a multiple of the numbers in a vector register
@@ -90,16 +91,22 @@ def _span(a):
     return abs(a[0]) + abs(a[1]) + abs(a[2])
 
 
+@inlined
+def _at(row, i):
+    """Where particle i of a chunk is in a row of the scratch; not signed: none is from the end."""
+    return np.uint64(row * CHUNK + i)
+
+
 @kernel
 def _read(s, row, i):
     """Vector of particle i of a chunk, from three rows of the scratch."""
-    return (s[row * CHUNK + i], s[(row + 1) * CHUNK + i], s[(row + 2) * CHUNK + i])
+    return s[_at(row, i)], s[_at(row + 1, i)], s[_at(row + 2, i)]
 
 
 @kernel
 def _write(s, row, i, a):
     """Write a vector of particle i of a chunk to three rows of the scratch."""
-    s[row * CHUNK + i], s[(row + 1) * CHUNK + i], s[(row + 2) * CHUNK + i] = a
+    s[_at(row, i)], s[_at(row + 1, i)], s[_at(row + 2, i)] = a
 
 
 @kernel
@@ -128,7 +135,7 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
     for i in range(count):
         v_n, _, _ = _approach(poses, motion, step, start, end, c, _read(s, PLACE, i),
                               _read(s, VELOCITY, i))
-        s[SPEED * CHUNK + i], s[DONE * CHUNK + i] = v_n, PRESSED
+        s[_at(SPEED, i)], s[_at(DONE, i)] = v_n, PRESSED
         hits += v_n < 0.0
     return hits
 
@@ -138,7 +145,7 @@ def _collide(rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
     widest_vectors()
     for i in range(count):
-        x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]
+        x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[_at(RADIUS, i)]
         v_n, obj, n = _approach(poses, motion, step, start, end, c, x0, v0)
         after, _, plain = _respond(rules, table, c, v0, obj, n, v_n,
                                    normal_impulse(v_n, table[c, RESTITUTION]))
@@ -148,7 +155,7 @@ def _collide(rules, table, poses, motion, step, start, end, c, s, count):
         settled = not hit or approach(after, obj, n) == 0.0
         inside = not hit or _height(poses, end, c, between) - r < 0.0
         done = (HIT if hit else 0.0) + (PRESSED if inside else 0.0)
-        s[DONE * CHUNK + i] = done if plain and (settled or not inside) else LEFT
+        s[_at(DONE, i)] = done if plain and (settled or not inside) else LEFT
         _write(s, CHANGED, i, subtract(after, v0))
         _write(s, TOUCHED, i, touched)
         _write(s, BETWEEN, i, between if hit else x1)
@@ -161,8 +168,8 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
     widest_vectors()
     n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
     for i in range(count):
-        x0, v, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[RADIUS * CHUNK + i]
-        hit, done = s[SPEED * CHUNK + i] < 0.0, s[DONE * CHUNK + i]
+        x0, v, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[_at(RADIUS, i)]
+        hit, done = s[_at(SPEED, i)] < 0.0, s[_at(DONE, i)]
         gap = _height(poses, start, c, x0) - r
         rounding = ROUNDING * (largest(x0) + largest(origin(poses, start, c)))
         u, w = fly(rules.flight, v)
@@ -179,11 +186,11 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
         place, nearer = _pushed(poses, end, c, r, n, place, 1)
         calm = approach(u2, chord, n) == 0.0 and u_n < 0.0 and near and nearer
         calm = calm and _height(poses, end, c, place) - r >= 0.0 and plain and plainer
-        calm = calm and _span(subtract(place, _read(s, BETWEEN, i))) <= s[NEAR * CHUNK + i] - r
+        calm = calm and _span(subtract(place, _read(s, BETWEEN, i))) <= s[_at(NEAR, i)] - r
         inside, change = done >= PRESSED, subtract(w2, w)
         fits = gap >= -rounding and (calm or not inside)
         pressed = done + (STUCK if inside and stuck else 0.0)
-        s[DONE * CHUNK + i] = pressed if fits and done != LEFT else LEFT
+        s[_at(DONE, i)] = pressed if fits and done != LEFT else LEFT
         before = _read(s, CHANGED, i)
         summed = add(before, change) if hit else change
         _write(s, CHANGED, i, summed if inside else before)
@@ -208,25 +215,25 @@ def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
                         s[k + CHUNK:k + CHUNK + count],
                         s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count], cells)
         for i in range(count):
-            s[DONE * CHUNK + i] = s[DONE * CHUNK + i] if clear[i] >= 0.0 else LEFT
+            s[_at(DONE, i)] = s[_at(DONE, i)] if clear[i] >= 0.0 else LEFT
 
 
 @kernel
-def _log(log, accounts, block, first, c, poses, end, s, count):
+def _log(log, accounts, block, first, c, poses, end, s, touching, count):
     """Log the contacts of a chunk, if anybody wants them."""
     if log is not None:
         widest_vectors()
         row = accounts[block, N_LOGGED]
         for i in range(count):
-            log[block, 0, row + i] = first + s[WHICH * CHUNK + i]
-            hit, stuck = s[SPEED * CHUNK + i] < 0.0, s[DONE * CHUNK + i] >= STUCK
+            log[block, 0, row + i] = first + touching[int(s[_at(WHICH, i)])]
+            hit, stuck = s[_at(SPEED, i)] < 0.0, s[_at(DONE, i)] >= STUCK
             log[block, 2, row + i] = COLLISION if hit else STICK if stuck else SLIDE
         log[block, 1, row:row + count] = c
         for d in range(3):
             log[block, NORMAL + d, row:row + count] = poses[end, c, 2 + 3 * d]
             for i in range(count):
-                log[block, POINT + d, row + i] = s[(TOUCHED + d) * CHUNK + i]
-                log[block, CHANGE + d, row + i] = s[(CHANGED + d) * CHUNK + i]
+                log[block, POINT + d, row + i] = s[_at(TOUCHED + d, i)]
+                log[block, CHANGE + d, row + i] = s[_at(CHANGED + d, i)]
         accounts[block, N_LOGGED] = row + count
 
 
@@ -234,7 +241,7 @@ def _log(log, accounts, block, first, c, poses, end, s, count):
 def _copy_rows(s, rows, i, k):
     """Copy the first rows of particle i of a chunk to place k."""
     for row in range(rows):
-        s[row * CHUNK + k] = s[row * CHUNK + i]
+        s[_at(row, k)] = s[_at(row, i)]
 
 
 @kernel
@@ -247,7 +254,7 @@ def _padded(s, count):
 
 
 @kernel
-def _keep(s, rows, count, touching, left):
+def _keep(s, rows, count, unanswered, left):
     """
     Close the gaps of those of a chunk that are left, in its first rows.
 
@@ -259,8 +266,8 @@ def _keep(s, rows, count, touching, left):
     """
     kept = 0
     for i in range(count):
-        if s[DONE * CHUNK + i] == LEFT:
-            touching[left] = int(s[WHICH * CHUNK + i])
+        if s[_at(DONE, i)] == LEFT:
+            unanswered[left] = int(s[_at(WHICH, i)])
             left += 1
         else:
             if kept < i:
@@ -280,36 +287,36 @@ def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, c
 
 
 @kernel
-def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, vx, vy, vz,
-                  new, s, count, clear, cells, touching, left):
+def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
+                  vy, vz, s, count, clear, cells, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
     for i in range(count):
-        s[DONE * CHUNK + i] = 0.0
+        s[_at(DONE, i)] = 0.0
     _leave_if_near(grid, rules.present, table, poses, here.end, c, s, count, clear, cells)
-    count, left = _keep(s, TOUCHED, count, touching, left)
+    count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
     if _is_still(motion, here.step, c):
         _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells)
     else:
         _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells)
-    count, left = _keep(s, ROWS, count, touching, left)
+    count, left = _keep(s, ROWS, count, unanswered, left)
     hits, contacts = 0, 0
     for i in range(count):
-        j = int(s[WHICH * CHUNK + i])
-        new[0, j], new[1, j], new[2, j] = _read(s, PLACE, i)
+        j = np.uint64(touching[int(s[_at(WHICH, i)])])
+        x[j], y[j], z[j] = _read(s, PLACE, i)
         vx[j], vy[j], vz[j] = _read(s, VELOCITY, i)
-        hits += s[SPEED * CHUNK + i] < 0.0
-        contacts += s[DONE * CHUNK + i] >= PRESSED
+        hits += s[_at(SPEED, i)] < 0.0
+        contacts += s[_at(DONE, i)] >= PRESSED
     accounts[here.block, N_COLLISION] += hits
     accounts[here.block, N_CONTACT] += contacts
-    _log(log, accounts, here.block, first, c, poses, here.end, s, count)
+    _log(log, accounts, here.block, first, c, poses, here.end, s, touching, count)
     return left
 
 
 @kernel
 def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
-                  vx, vy, vz, new, s, clear, cells, touching, count):
+                  vx, vy, vz, s, clear, cells, touching, held, unanswered, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
@@ -326,15 +333,17 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
     first : int
         Index of the first particle of the block.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
-        State at the start of the step; the velocities are overwritten where one is answered.
-    new : (6, BLOCK) float64
-        Candidates; the positions are overwritten where one is answered.
+        Candidates; overwritten where one is answered.
     s : (ROWS * CHUNK,) float64
         Scratch.
-    clear, cells : (B,) float64
+    clear, cells : (TILE,) float64
         Scratch.
-    touching : (B + 1,) int64
-        Particles that may touch something; overwritten with those that are left.
+    touching : (BLOCK,) int64
+        Particles that may touch something.
+    held : (6, BLOCK) float64 [m], [m/s]
+        Their state at the start of the step.
+    unanswered : (BLOCK,) int64
+        Which of them are still to be answered; overwritten with those that are left.
     count : int
         How many.
 
@@ -349,25 +358,26 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         if table[c, KIND] != PLANE:
             continue
         left, taken = 0, 0
-        for k in range(count):
-            j = touching[k]
-            r = radius_at(radius, j)
-            x0, x1 = (x[j], y[j], z[j]), (new[0, j], new[1, j], new[2, j])
+        for n in range(count):
+            k = np.uint64(unanswered[n])
+            j = np.uint64(touching[k])
+            r, x1 = radius_at(radius, j), (x[j], y[j], z[j])
             if not _height(poses, here.end, c, x1) - r < 0.0:
-                touching[left] = j
+                unanswered[left] = k
                 left += 1
                 continue
+            x0 = (held[0, k], held[1, k], held[2, k])
             _write(s, PLACE, taken, x0)
-            _write(s, VELOCITY, taken, (vx[j], vy[j], vz[j]))
-            s[WHICH * CHUNK + taken], s[RADIUS * CHUNK + taken] = j, r
-            s[NEAR * CHUNK + taken] = r + REACH * _span(subtract(x1, x0))
+            _write(s, VELOCITY, taken, (held[3, k], held[4, k], held[5, k]))
+            s[_at(WHICH, taken)], s[_at(RADIUS, taken)] = k, r
+            s[_at(NEAR, taken)] = r + REACH * _span(subtract(x1, x0))
             _write(s, BETWEEN, taken, x1)
             taken += 1
             if taken == CHUNK:
                 left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
-                                     accounts, vx, vy, vz, new, s, taken, clear, cells, touching,
-                                     left)
+                                     accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
+                                     touching, unanswered, left)
                 taken = 0
-        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, vx,
-                              vy, vz, new, s, taken, clear, cells, touching, left)
+        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
+                              y, z, vx, vy, vz, s, taken, clear, cells, touching, unanswered, left)
     return count

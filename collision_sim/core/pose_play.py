@@ -65,9 +65,11 @@ class Bounds(NamedTuple):
 
 
 def new_curve():
-    """Give a Curve without poses; it is to be restarted before the first."""
-    return Curve(np.zeros((CAPACITY + 1, TELEPORT + 1)), np.zeros(4, dtype=np.int64),
-                 np.zeros(PLACED + 6), np.zeros(3), np.zeros((12, 4)), np.zeros(4))
+    """Give a Curve without poses."""
+    curve = Curve(np.zeros((CAPACITY + 1, TELEPORT + 1)), np.zeros(4, dtype=np.int64),
+                  np.zeros(PLACED + 6), np.zeros(3), np.zeros((12, 4)), np.zeros(4))
+    restart(curve)
+    return curve
 
 
 @law

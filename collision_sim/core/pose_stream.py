@@ -109,12 +109,13 @@ class PoseStream:
 
     def reset(self):
         """Forget all poses."""
+        self._curve.counts[KEPT] = 0
         self.newest = None
+        self.restart()
 
     def restart(self):
         """Begin the curve anew, with a teleport, at the next time that is asked for."""
-        if self.newest is not None:
-            restart(self._curve)
+        restart(self._curve)
 
     @property
     def newest_pose(self):
@@ -147,9 +148,6 @@ class PoseStream:
         if self.newest is not None and stamp <= self.newest:
             raise PoseError('repeated' if stamp == self.newest else 'backwards',
                             'stamp %.9f after %.9f' % (stamp, self.newest))
-        if self.newest is None:
-            self._curve.counts[KEPT] = 0
-            restart(self._curve)
         self.newest = float(stamp)
         add_pose(self._curve, self.bounds, self.newest, position, orientation)
 

@@ -21,30 +21,31 @@ threads, and neither do results.
 """
 
 from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,
-                                       NONE, path_lengths, place_block, take_places,
-                                       take_velocities)
+                                       hold, NONE, path_lengths, place_block, take_places,
+                                       take_velocities, TILE)
 from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
-from collision_sim.core.jit import entry, kernel, widest_vectors
+from collision_sim.core.jit import entry, inlined, kernel, widest_vectors
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, N_LOGGED
-from collision_sim.core.threads import (DONE, fetch_add, FIRST, NO_PIECE, piece_of, post, SECOND,
-                                        SERIAL, TICKET, wait_for_job, wait_until_done)
+from collision_sim.core.threads import (AT_END, AT_START, claim, DONE, fetch_add, FIRST, NO_PIECE,
+                                        post, SECOND, wait_for_job, wait_until_done)
 from collision_sim.core.trajectory import sweep_margin
 from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
 import numpy as np
 
-BLOCK = 1024            # most particles of a block; their scratch fits the second-level cache
+BLOCK = 1024            # most particles of a block; it fits the second-level cache
 SMALL_BLOCK = 512       # particles; less costs more than it brings
 EVENT_BLOCK = 64        # particles, with the exact method, which spends far more time on each
 APART = 40              # numbers more in a row of scratch, so that rows begin in other cache sets
 TOGETHER = 16           # particles of a block that touch something; fewer are faster one by one
 NO_JOB = -1             # serial number of none
 SHARES = 4              # blocks that few particles are divided into
+UNCLAIMED = 4           # last blocks of a job, which a thread claims when it is free, not earlier
 
 
 def block_size(count):
@@ -60,10 +61,10 @@ def block_radius(radius, first, last):
     return None
 
 
-@kernel
+@inlined
 def _fly(lean, candidates, ledger, flight, block, first, ahead, x, y, z, vx, vy, vz, new, scratch,
          clear):
-    """Write the candidates of a block; `clear` is NaN where they are not finite, else 1."""
+    """Write the candidates of a tile; `clear` is NaN where they are not finite, else 1."""
     if lean is not None:
         place_block(flight, ahead, x, y, z, vx, vy, vz, new)
     else:
@@ -72,14 +73,19 @@ def _fly(lean, candidates, ledger, flight, block, first, ahead, x, y, z, vx, vy,
 
 
 @kernel
-def _clear(sweep, grid, present, table, poses, motion, step, end, radius, x, y, z, new, lengths,
-           margins, clear):
+def _sweep_margins(sweep, motion, step, table, margins):
+    """Write how far each collider comes in a step, if somebody sweeps."""
+    if sweep is not None:
+        for c in range(table.shape[0]):
+            margins[c] = sweep_margin(sweep, motion, step, table, c)
+
+
+@inlined
+def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, lengths, margins, clear):
     """Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends."""
     n = clear.shape[0]
     x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]
     if sweep is not None:
-        for c in range(table.shape[0]):
-            margins[c] = sweep_margin(sweep, motion, step, table, c)
         paths = lengths[:n]
         path_lengths(x, y, z, new, radius, paths)
         clear_of_others(grid, present, table, poses, end, NONE, paths, margins, x1, y1, z1, clear,
@@ -89,16 +95,29 @@ def _clear(sweep, grid, present, table, poses, motion, step, end, radius, x, y, 
                         lengths)
 
 
-@kernel
-def _few_left(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius, log,
-              accounts, first, x, y, z, vx, vy, vz, new, chunk, scratch, cells, touching, count):
-    """Answer those that touch a single plane together, unless they are few."""
+@inlined
+def _take(lean, flight, x, y, z, vx, vy, vz, new):
+    """Take the candidates of a tile."""
+    take_places(x, y, z, new)
+    if lean is not None:
+        gain_velocities(flight, vx, vy, vz)
+    else:
+        take_velocities(vx, vy, vz, new)
+
+
+@inlined
+def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius,
+                     log, accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, touching,
+                     held, unanswered, count):
+    """Answer those that touch a single plane together, unless they are few; how many are left."""
+    for k in range(count):
+        unanswered[k] = k
     if planes is not None:
         if ledger is None:
             if candidates is None and count >= TOGETHER:
                 return answer_planes(grid, rules, here, table, poses, motion, radius, log,
-                                     accounts, first, x, y, z, vx, vy, vz, new, chunk, scratch,
-                                     cells, touching, count)
+                                     accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells,
+                                     touching, held, unanswered, count)
     return count
 
 
@@ -108,7 +127,7 @@ def _reach(dt, x0, v0, x1, v1):
     return 2.0 * length(subtract(x1, x0)) + 2.0 * dt * (length(v0) + length(v1))
 
 
-@kernel
+@inlined
 def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses, motion, log,
             accounts, notes, x0, v0, ledger, candidates, chosen, answers):
     """One step of particle i, which may touch something or not be finite; place and velocity."""
@@ -134,25 +153,15 @@ def _empty_log(candidates, accounts, block):
 
 
 @kernel
-def _take(lean, flight, clear, x, y, z, vx, vy, vz, new):
-    """Take the candidates of a block; who is not clear has been answered and has its velocity."""
-    take_places(x, y, z, new)
-    if lean is not None:
-        gain_velocities(flight, clear, vx, vy, vz)
-    else:
-        take_velocities(clear, vx, vy, vz, new)
-
-
-@kernel
 def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
                accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
-               touching, chunk, chosen, answers):
+               held, touching, unanswered, chunk, chosen, answers):
     """
     Take one block of particles through the steps of a call, in place.
 
     A candidate that stays clear of all colliders is what the step leaves. The few that touch one
-    are answered by themselves from their state before the step, and keep the place in `new` and
-    the velocity that they are given. Who would end with something that is not finite is frozen.
+    are held, and answered by themselves from their state before the step. Who would end with
+    something that is not finite is frozen.
     """
     widest_vectors()
     lean = is_lean(candidates, ledger, rules.flight.quadratic)
@@ -160,32 +169,40 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
     last = min(first + size, x.shape[1])
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
     vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
-    near, clear = block_radius(radius, first, last), clear[:last - first]
+    near = block_radius(radius, first, last)
+    later = size * (upcoming - block) if upcoming != NO_PIECE else 0
     for step in range(row, row + steps):
-        start, end = min(step, rows), min(step + 1, rows)
-        ahead = size * max(upcoming - block, 0) if step == row + steps - 1 else 0
+        start, end, count = min(step, rows), min(step + 1, rows), 0
+        ahead = later if step == row + steps - 1 else 0
         _empty_log(candidates, accounts, block)
-        _fly(lean, candidates, ledger, rules.flight, block, first, ahead, px, py, pz, vx, vy, vz,
-             new, scratch, clear)
-        _clear(rules.sweep, grid, rules.present, table, poses, motion, step, end, near, px, py, pz,
-               new, lengths, margins, clear)
-        clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start, end,
-                        near, px, py, pz, new, clear, lengths)
-        count = collect(clear, touching)
+        _sweep_margins(rules.sweep, motion, step, table, margins)
+        for a in range(0, last - first, TILE):
+            b = min(a + TILE, last - first)
+            xt, yt, zt, ut, vt, wt = px[a:b], py[a:b], pz[a:b], vx[a:b], vy[a:b], vz[a:b]
+            rt, ct = block_radius(near, a, b), clear[:b - a]
+            _fly(lean, candidates, ledger, rules.flight, block, first + a, ahead, xt, yt, zt, ut,
+                 vt, wt, new, scratch, ct)
+            _clear(rules.sweep, grid, rules.present, table, poses, end, rt, xt, yt, zt, new,
+                   lengths, margins, ct)
+            clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
+                            end, rt, xt, yt, zt, new, ct, lengths)
+            before, count = count, collect(clear, b - a, touching, count)
+            hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)
+            _take(lean, rules.flight, xt, yt, zt, ut, vt, wt, new)
         here = Here(step, start, end, block, first, 0.0, None)
-        count = _few_left(rules.planes, ledger, candidates, grid, rules, here, table, poses,
-                          motion, near, log, accounts, first, px, py, pz, vx, vy, vz, new, chunk,
-                          scratch, lengths, touching, count)
-        move = most_move(motion, step, table) if count > 0 else 0.0
-        for k in range(count):
+        left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
+                                motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
+                                clear, lengths, touching, held, unanswered, count)
+        move = most_move(motion, step, table) if left > 0 else 0.0
+        for n in range(left):
+            k = unanswered[n]
             j = touching[k]
             place, velocity = _answer(
                 grid, rules, step, start, end, block, first + j, radius_at(near, j), move, table,
-                poses, motion, log, accounts, notes, (px[j], py[j], pz[j]), (vx[j], vy[j], vz[j]),
-                ledger, candidates, chosen, answers)
-            new[0, j], new[1, j], new[2, j] = place
+                poses, motion, log, accounts, notes, (held[0, k], held[1, k], held[2, k]),
+                (held[3, k], held[4, k], held[5, k]), ledger, candidates, chosen, answers)
+            px[j], py[j], pz[j] = place
             vx[j], vy[j], vz[j] = velocity
-        _take(lean, rules.flight, clear, px, py, pz, vx, vy, vz, new)
 
 
 @entry
@@ -216,21 +233,29 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
     grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates
-    new, scratch = np.empty((6, BLOCK + APART)), np.empty(BLOCK)
-    clear, lengths = np.empty(BLOCK), np.empty(BLOCK)
-    margins, chunk = np.empty(table.shape[0]), np.empty(ROWS * CHUNK)
-    touching = np.empty(BLOCK + 1, dtype=np.int64)
-    chosen = np.empty(table.shape[0], dtype=np.int64)
+    tile, held = np.empty((9, TILE + APART)), np.empty((6, BLOCK + APART))
+    new, scratch, clear, lengths = tile[:6], tile[6], tile[7], tile[8]
+    more = np.empty(ROWS * CHUNK + table.shape[0])
+    chunk, margins = more[:ROWS * CHUNK], more[ROWS * CHUNK:]
+    numbers = np.empty(2 * BLOCK + table.shape[0], dtype=np.int64)
+    touching, unanswered = numbers[:BLOCK], numbers[BLOCK:2 * BLOCK]
+    chosen = numbers[2 * BLOCK:]
     answers = keep_answers(rules.present.meshes, table)
-    serial, patience = NO_JOB, (looks if pieces == NO_PIECE else 0)
+    serial, patience, side = NO_JOB, 0, AT_START
+    if pieces == NO_PIECE:
+        patience, side = looks, AT_END
     while wait_for_job(job, serial, patience):
-        ticket = fetch_add(job, TICKET, 1)
-        serial, block = ticket >> SERIAL, piece_of(job, ticket)
+        serial, block, left = claim(job, side)
         while block != NO_PIECE:
-            upcoming = piece_of(job, fetch_add(job, TICKET, 1))
+            early, upcoming = left > UNCLAIMED, block
+            if early:
+                _, upcoming, left = claim(job, side)
             step_block(grid, rules, job[FIRST], job[SECOND], plan.block, block, upcoming, table,
                        poses, motion, radius, log, accounts, notes, ledger, candidates, x, v, new,
-                       scratch, clear, lengths, margins, touching, chunk, chosen, answers)
+                       scratch, clear, lengths, margins, held, touching, unanswered, chunk, chosen,
+                       answers)
             fetch_add(job, DONE, 1)
+            if not early:
+                _, upcoming, left = claim(job, side)
             block = upcoming
     return wait_until_done(job, looks - patience)

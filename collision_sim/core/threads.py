@@ -30,7 +30,7 @@ from threading import Thread
 import time
 import traceback
 
-from collision_sim.core.jit import entry, kernel
+from collision_sim.core.jit import bound, entry, kernel
 from numba import config, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_untracked
@@ -45,7 +45,11 @@ CLAIMED, ENTERED, LEFT, FAILED, SHARED = range(5)   # columns of the counters of
 # number of pieces, and two numbers that say what is to be done.
 TICKET, DONE, PIECES, FIRST, SECOND, CREW = 0, 8, 16, 17, 18, 24
 NO_PIECE = -1
-SERIAL = 32             # bits of a ticket below the serial number of its job: which piece
+# Bits of a ticket: below END how many pieces are claimed at the start of a job, from there on how
+# many at its end, and from SERIAL on which job it is.
+END, SERIAL, JOBS = 24, 48, (1 << 15) - 1
+AT_START, AT_END, COUNT = 1, 1 << END, (1 << END) - 1
+CLOSED = 1 << (END - 1)     # more than there are pieces: none to claim
 
 _sched_yield = types.ExternalFunction('sched_yield', types.int32())
 _posted = np.zeros(1, dtype=np.int64)               # changes when there is work
@@ -156,15 +160,36 @@ def share(function, threads, *args):
 @kernel
 def post(job, pieces, first, second):
     """Offer a job to a crew, whose last one is done: so many pieces, and what to do."""
+    serial = ((job[TICKET] >> SERIAL) + 1) & JOBS
+    exchange(job, TICKET, (job[TICKET] >> SERIAL << SERIAL) + CLOSED)
     job[PIECES], job[FIRST], job[SECOND], job[DONE] = pieces, first, second, 0
-    exchange(job, TICKET, ((job[TICKET] >> SERIAL) + 1) << SERIAL)
+    exchange(job, TICKET, serial << SERIAL)
 
 
 @kernel
-def piece_of(job, ticket):
-    """Piece that a ticket stands for, or NO_PIECE; until it is done the job stays as it is."""
-    piece = ticket & ((1 << SERIAL) - 1)
-    return piece if piece < job[PIECES] else NO_PIECE
+def claim(job, side):
+    """
+    Take a piece of a job, which stays as it is until the piece is done.
+
+    Parameters
+    ----------
+    job : (CREW,) int64
+        Of a crew.
+    side : int
+        AT_START for who has posted it, AT_END for helpers: each finds the pieces of the job
+        before again, which its cache may still hold.
+
+    Returns
+    -------
+    serial, piece, left : int
+        Number of the job; the piece, or NO_PIECE; how many are still to be claimed.
+
+    """
+    ticket = fetch_add(job, TICKET, side)
+    before = ticket & COUNT
+    left = job[PIECES] - before - ((ticket >> END) & COUNT) - 1
+    piece = before if side == AT_START else before + left
+    return ticket >> SERIAL, piece if left >= 0 else NO_PIECE, left
 
 
 @kernel
@@ -195,9 +220,9 @@ class Crew:
     ----------
     function : callable
         Takes (job, pieces, first, second, looks, *args) and releases the interpreter lock. With
-        pieces it does post(job, pieces, first, second); then it claims tickets with
-        fetch_add(job, TICKET, 1), does the piece_of each, counts it in DONE, and goes on with the
-        next job, if it does wait_for_job. Whether wait_until_done.
+        pieces it does post(job, pieces, first, second); then it does the pieces that it can
+        claim, counts each in DONE, and goes on with the next job, if it does wait_for_job. Gives
+        whether wait_until_done.
     *args
         Passed on.
     stays : bool
@@ -207,9 +232,9 @@ class Crew:
 
     def __init__(self, function, *args, stays=True):
         """Nobody is recruited before there is a job."""
-        self._function, self._args = function, args
         self._patience = LOOKS if stays else 0
-        self._job = np.zeros(CREW, dtype=np.int64)
+        self._job, self._args = np.zeros(CREW, dtype=np.int64), args
+        self._function = bound(function, self._job, 0, 0, 0, 0, *args) if stays else function
         self._counters = np.zeros(SHARED, dtype=np.int64)
         self._recruited, self._generation = 0, _generation
 
