@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
+from collision_sim.core.lines import in_lines
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
                                       N_LOGGED, NONE, NORMAL, NOTES, POINT)
@@ -91,8 +92,8 @@ class Simulation:
         self._threads = threads or numba.get_num_threads()
         self._colliders = Kinematics(scene)
         self._meshes = mesh_tables(scene)
-        self._x = np.empty((3, len(scene.particles.position)))
-        self._v = np.empty_like(self._x)
+        count = len(scene.particles.position)
+        self._x, self._v = (in_lines(3 * count).reshape(3, count) for _ in range(2))
         self._block = self._size_of_blocks(scene)
         blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)

@@ -26,12 +26,12 @@ from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others
 from collision_sim.core.flight import affine, quadratic_factor
 from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch, select,
                                     widest_vectors, WORD)
+from collision_sim.core.lines import LINE
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
 NONE = -1               # no collider to leave out
 TILE = 256              # particles that are flown and tested at a time
-LINE = 8                # numbers in a cache line
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 

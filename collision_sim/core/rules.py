@@ -32,7 +32,9 @@ COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'u
             'pair_collisions', 'pair_contacts', 'frozen')
 (N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED, N_PAIR_COLLISION,
  N_PAIR_CONTACT, N_FROZEN) = range(9)
-N_LOGGED, ACCOUNTS = 9, 10  # columns of the accounts (blocks, ACCOUNTS): counters, rows of the log
+# Columns of the accounts (blocks, ACCOUNTS): counters, rows of the log, and room, so that what
+# threads write is not in one cache line.
+N_LOGGED, ACCOUNTS = 9, 16
 
 # Columns of the log of contacts (blocks, LOG, rows), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes

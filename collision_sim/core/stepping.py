@@ -26,6 +26,7 @@ from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect
 from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import entry, inlined, kernel, widest_vectors
+from collision_sim.core.lines import in_lines
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.placing import freeze
@@ -233,9 +234,10 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
     grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates
-    tile, held = np.empty((9, TILE + APART)), np.empty((6, BLOCK + APART))
+    tile = in_lines(9 * (TILE + APART)).reshape(9, TILE + APART)
     new, scratch, clear, lengths = tile[:6], tile[6], tile[7], tile[8]
-    more = np.empty(ROWS * CHUNK + table.shape[0])
+    held = in_lines(6 * (BLOCK + APART)).reshape(6, BLOCK + APART)
+    more = in_lines(ROWS * CHUNK + table.shape[0])
     chunk, margins = more[:ROWS * CHUNK], more[ROWS * CHUNK:]
     numbers = np.empty(2 * BLOCK + table.shape[0], dtype=np.int64)
     touching, unanswered = numbers[:BLOCK], numbers[BLOCK:2 * BLOCK]
