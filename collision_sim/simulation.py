@@ -205,7 +205,7 @@ class Simulation:
     @property
     def contacts(self):
         """Contacts of the last step; none where `record_contacts` was off."""
-        rows = [self._log[b, :, :n].T for b, n in enumerate(self._accounts[:, N_LOGGED])] \
+        rows = [self._log[b, :n] for b, n in enumerate(self._accounts[:, N_LOGGED])] \
             if self._log is not None else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
         log = log[np.argsort(log[:, 0], kind='stable')]
@@ -324,7 +324,7 @@ class Simulation:
         """Run the kernels over all blocks of particles."""
         if self.record_contacts != (self._log is not None):
             rows = self._block * min(len(self._table), MOST_CONTACTS)
-            self._log = np.empty((len(self._accounts), LOG, rows)) if self.record_contacts \
+            self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
                 else None
             self._plan = None
         threads, colliders = self._threads, self._colliders

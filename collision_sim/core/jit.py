@@ -172,7 +172,7 @@ else:
             function = cgutils.get_or_insert_function(
                 builder.module, ir.FunctionType(ir.VoidType(), [place.type, flag, flag, flag]),
                 'llvm.prefetch.p0')
-            write, soon, data = 1, 3, 1
+            write, soon, data = 0, 2, 1
             builder.call(function, [place, flag(write), flag(soon), flag(data)])
             return context.get_dummy_value()
         return types.none(array, types.intp), generate

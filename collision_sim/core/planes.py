@@ -222,18 +222,16 @@ def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
 def _log(log, accounts, block, first, c, poses, end, s, touching, count):
     """Log the contacts of a chunk, if anybody wants them."""
     if log is not None:
-        widest_vectors()
-        row = accounts[block, N_LOGGED]
+        row, n = accounts[block, N_LOGGED], (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8])
         for i in range(count):
-            log[block, 0, row + i] = first + touching[int(s[_at(WHICH, i)])]
+            k = np.uint64(row + i)
             hit, stuck = s[_at(SPEED, i)] < 0.0, s[_at(DONE, i)] >= STUCK
-            log[block, 2, row + i] = COLLISION if hit else STICK if stuck else SLIDE
-        log[block, 1, row:row + count] = c
-        for d in range(3):
-            log[block, NORMAL + d, row:row + count] = poses[end, c, 2 + 3 * d]
-            for i in range(count):
-                log[block, POINT + d, row + i] = s[_at(TOUCHED + d, i)]
-                log[block, CHANGE + d, row + i] = s[_at(CHANGED + d, i)]
+            log[block, k, 0], log[block, k, 1] = first + touching[int(s[_at(WHICH, i)])], c
+            log[block, k, 2] = COLLISION if hit else STICK if stuck else SLIDE
+            for d in range(3):
+                log[block, k, POINT + d] = s[_at(TOUCHED + d, i)]
+                log[block, k, NORMAL + d] = n[d]
+                log[block, k, CHANGE + d] = s[_at(CHANGED + d, i)]
         accounts[block, N_LOGGED] = row + count
 
 

@@ -54,16 +54,16 @@ def record(log, accounts, here, c, state, point, n, dv):
     if log is not None:
         b, i, rows = here.block, here.particle, accounts[here.block, N_LOGGED]
         for k in range(max(rows - MOST_CONTACTS, 0), rows):
-            if log[b, 0, k] == i and log[b, 1, k] == c:
+            if log[b, k, 0] == i and log[b, k, 1] == c:
                 for d in range(3):
-                    log[b, CHANGE + d, k] += dv[d]
+                    log[b, k, CHANGE + d] += dv[d]
                 return
-        if rows >= MOST_CONTACTS and log[b, 0, rows - MOST_CONTACTS] == i or rows == log.shape[2]:
+        if rows >= MOST_CONTACTS and log[b, rows - MOST_CONTACTS, 0] == i or rows == log.shape[1]:
             return
-        log[b, 0, rows], log[b, 1, rows], log[b, 2, rows] = i, c, state
+        log[b, rows, 0], log[b, rows, 1], log[b, rows, 2] = i, c, state
         for d in range(3):
-            log[b, POINT + d, rows], log[b, NORMAL + d, rows] = point[d], n[d]
-            log[b, CHANGE + d, rows] = dv[d]
+            log[b, rows, POINT + d], log[b, rows, NORMAL + d] = point[d], n[d]
+            log[b, rows, CHANGE + d] = dv[d]
         accounts[b, N_LOGGED] = rows + 1
 
 

@@ -36,7 +36,7 @@ COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'u
 # threads write is not in one cache line.
 N_LOGGED, ACCOUNTS = 9, 16
 
-# Columns of the log of contacts (blocks, LOG, rows), None when nobody wants it: particle,
+# Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes
 # (blocks, NOTES, 3) on unplaced particles: particle, collider, other collider.
 POINT, NORMAL, CHANGE, LOG = 3, 6, 9, 12
