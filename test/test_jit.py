@@ -21,6 +21,7 @@ import subprocess
 import sys
 
 import collision_sim
+from collision_sim.core.jit import entry, inlined, kernel
 import pytest
 
 RADIUS = 'from collision_sim.core.shapes import sphere; print(sphere((0.0, 3.0, 4.0), 1.0)[0])'
@@ -48,3 +49,30 @@ def test_a_change_in_one_file_renews_what_others_make_of_it(tmp_path):
     vectors.write_text(source.replace('return sqrt(square)', 'return 2.0 * sqrt(square)'))
     assert vectors.read_text() != source
     assert distance() == 9.0
+
+
+@kernel
+def doubled(x):
+    """Give twice a number."""
+    return 2.0 * x
+
+
+@inlined
+def quadrupled(x):
+    """Give four times a number."""
+    return doubled(doubled(x))
+
+
+@entry
+def four_times(x):
+    """Give four times a number, to Python."""
+    return quadrupled(x)
+
+
+@pytest.mark.jit
+def test_what_an_inlined_kernel_calls_is_not_inlined_by_force():
+    """Else one decorator may double the time that compiling takes."""
+    assert four_times(1.5) == 6.0
+    forced = [[result.fndesc.inline for result in function.overloads.values()]
+              for function in (doubled, quadrupled, four_times)]
+    assert forced == [[False], [True], [False]]

@@ -35,7 +35,7 @@ TILE = 256              # particles that are flown and tested at a time
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 
-@kernel
+@inlined
 def margin_at(margins, c):
     """Margin [m] around collider c; None without margins."""
     if margins is not None:
@@ -43,7 +43,7 @@ def margin_at(margins, c):
     return None
 
 
-@kernel
+@inlined
 def near_at(radius, i, margin):
     """Distance [m] from collider to centre at which particle i may touch it."""
     if margin is not None:
@@ -101,7 +101,7 @@ def fly_block(flight, x, y, z, vx, vy, vz, new, factor):
         _slowed_block(flight.quadratic, ends[0][:n], ends[1][:n], ends[2][:n], factor, ends)
 
 
-@kernel
+@inlined
 def _place_component(gains, mean_shift, dt, ahead, x, v, new):
     """Write the candidates of one component, and prefetch what comes later."""
     widest_vectors()
@@ -113,7 +113,7 @@ def _place_component(gains, mean_shift, dt, ahead, x, v, new):
         new[i] = x[i] + dt * affine(gains, 1, v[i], mean_shift)
 
 
-@kernel
+@inlined
 def place_block(flight, ahead, x, y, z, vx, vy, vz, new):
     """
     Write the candidate positions of a tile; `fly_block` without quadratic drag and velocities.
@@ -157,14 +157,14 @@ def hold(x, y, z, vx, vy, vz, first, touching, before, count, held):
         held[3, k], held[4, k], held[5, k] = vx[j], vy[j], vz[j]
 
 
-@kernel
+@inlined
 def _copy(source, target):
     widest_vectors()
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
-@kernel
+@inlined
 def take_places(x, y, z, new):
     """Take the positions of a tile from `new` (6, TILE)."""
     _copy(new[0], x)
@@ -172,14 +172,14 @@ def take_places(x, y, z, new):
     _copy(new[2], z)
 
 
-@kernel
+@inlined
 def _gain_component(gains, end_shift, v):
     widest_vectors()
     for i in range(v.shape[0]):
         v[i] = affine(gains, 0, v[i], end_shift)
 
 
-@kernel
+@inlined
 def gain_velocities(flight, vx, vy, vz):
     """Give a tile the velocities at the end of its flight."""
     end, gains = flight.end_shift, flight.gains
@@ -188,7 +188,7 @@ def gain_velocities(flight, vx, vy, vz):
     _gain_component(gains, end[2], vz)
 
 
-@kernel
+@inlined
 def take_velocities(vx, vy, vz, new):
     """Take the velocities of a tile from `new` (6, TILE)."""
     _copy(new[3], vx)
@@ -196,18 +196,18 @@ def take_velocities(vx, vy, vz, new):
     _copy(new[5], vz)
 
 
-@kernel
+@inlined
 def _smaller(a, b):
     """Give the smaller number; NaN where the first one is."""
     return select(b < a, b, a)
 
 
-@kernel
+@inlined
 def _larger(a, b):
     return select(a > b, a, b)
 
 
-@kernel
+@inlined
 def _square_limit(size, side, r):
     limit = _larger(size + side * r, 0.0)
     return limit * limit * (1.0 + side * MARGIN)
@@ -314,7 +314,7 @@ def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y,
                 clear[i] = _smaller(clear[i], side * outside)
 
 
-@kernel
+@inlined
 def path_lengths(x, y, z, new, radius, lengths):
     """Write the length of each path of a block, plus the radius, to `lengths` (B,) [m]."""
     widest_vectors()
@@ -365,7 +365,7 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, 
     clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells)
 
 
-@kernel
+@inlined
 def clear_if_finite(x, y, z, clear):
     """Write 1 to `clear` (B,), but NaN for places that are not finite; velocities show there."""
     widest_vectors()

@@ -54,7 +54,7 @@ class Grid(NamedTuple):
     others: np.ndarray
 
 
-@kernel
+@inlined
 def radius_at(radius, i):
     """Radius [m] of particle i; 0 where the particles are points (None)."""
     if radius is not None:
@@ -78,7 +78,7 @@ def nth(chosen, m):
     return m
 
 
-@kernel
+@inlined
 def others_of(grid):
     """Colliders that are not in the grid; None, for all, without one."""
     if grid is not None:
@@ -127,7 +127,7 @@ def _bounds(which, table, poses, motion, reach, lows, highs):
                 highs[c, i] = max(highs[c, i], place + extent)
 
 
-@kernel
+@inlined
 def most_move(motion, step, table):
     """Most that the surface of a collider moves in a step [m]; infinite where a plane turns."""
     most = 0.0
@@ -243,7 +243,7 @@ def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, 
     return clear
 
 
-@kernel
+@inlined
 def _margin_at(margins, c):
     if margins is not None:
         return margins[c]

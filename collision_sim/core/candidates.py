@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from collision_sim.core.blocks import fly_block
 from collision_sim.core.flight import fly
-from collision_sim.core.jit import formula, inlined, kernel
+from collision_sim.core.jit import formula, inlined
 from collision_sim.core.ledger import (book, book_flight, book_flights, GRAVITY, INTERNAL,
                                        weight_of)
 from collision_sim.core.rules import Here
@@ -67,7 +67,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
 
 
-@kernel
+@inlined
 def is_lean(candidates, ledger, quadratic):
     """1 if candidates need no velocities: free flights, no quadratic drag, nobody books them."""
     if candidates is None:
@@ -77,7 +77,7 @@ def is_lean(candidates, ledger, quadratic):
     return None
 
 
-@kernel
+@inlined
 def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, factor):
     """
     Write the candidates of a block: its free flights, which are booked, or what is laid out.

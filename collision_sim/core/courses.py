@@ -92,7 +92,7 @@ def _scaled(s, a):
     return (s * a[0], s * a[1], s * a[2])
 
 
-@kernel
+@inlined
 def centre(courses, poses, here, c, t):
     """Position [m] of a collider at a time [s] since the start of the step."""
     start = origin(poses, here.start, c)
@@ -116,7 +116,7 @@ def _centre_velocity(courses, here, c, t):
                           _three(courses, s, c, AMPLITUDE)))
 
 
-@kernel
+@inlined
 def material_velocity(courses, poses, here, c, t, x):
     """Velocity [m/s] of the material point of a collider that is at x [m] at time t [s]."""
     if courses is not None:
@@ -171,7 +171,7 @@ def carried(courses, poses, here, c, x, since, t):
     return x
 
 
-@kernel
+@inlined
 def spin_rate(courses, here, c):
     """Rate of turn [rad/s]."""
     if courses is not None:
@@ -179,7 +179,7 @@ def spin_rate(courses, here, c):
     return 0.0
 
 
-@kernel
+@inlined
 def spin_axis(courses, here, c):
     """Axis of turn, zero where there is none."""
     if courses is not None:
@@ -187,7 +187,7 @@ def spin_axis(courses, here, c):
     return (0.0, 0.0, 0.0)
 
 
-@kernel
+@inlined
 def is_uniform(courses, here, c):
     """Whether the position moves with a constant acceleration and the collider does not turn."""
     if courses is not None:
@@ -198,7 +198,7 @@ def is_uniform(courses, here, c):
     return True
 
 
-@kernel
+@inlined
 def accelerates(courses, here, c):
     """Whether the position has a constant acceleration besides its velocity."""
     if courses is not None:

@@ -50,7 +50,7 @@ def _decay_rate(forces_linear, wet, coefficient, normal):
     return k
 
 
-@kernel
+@inlined
 def _flight(forces, t, x, v):
     """Path of free flight."""
     if forces.quadratic is not None:
@@ -106,7 +106,7 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
     return path, t + log1p(k * speed / steady) / k
 
 
-@kernel
+@inlined
 def _stop_time(rules, here, table, poses, courses, holds, t, x, v, a):
     """Time until a slide comes to a stop if it goes on braking as now; infinite if it does not."""
     first = inf
@@ -120,7 +120,7 @@ def _stop_time(rules, here, table, poses, courses, holds, t, x, v, a):
     return first
 
 
-@kernel
+@inlined
 def _stopped_on(here, table, poses, courses, holds, t, x, v, x1, v1, t1, slow):
     """
     Surface relative to which a particle has come to a stop, `slow`, in a step from t to t1.
@@ -190,7 +190,7 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
     return end, max(pace, h), 2.0 * max(length(a), length(b)), stiff, stopped
 
 
-@kernel
+@inlined
 def _pulls(rules, forces, here, table, poses, courses, holds, t, x, v):
     """Surface that would have to pull to hold a particle, or NONE."""
     a, normal = held(rules, forces, here, table, poses, courses, holds, t, x, v)
@@ -200,7 +200,7 @@ def _pulls(rules, forces, here, table, poses, courses, holds, t, x, v):
     return NONE
 
 
-@kernel
+@inlined
 def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
     """
     First time on a slide at which a surface would have to pull.
@@ -230,7 +230,7 @@ def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
     return high, s
 
 
-@kernel
+@inlined
 def _regions(here, table, poses, courses, holds, t, x):
     """Give one number for the parts of the shapes that a particle is on."""
     code = 0
@@ -240,7 +240,7 @@ def _regions(here, table, poses, courses, holds, t, x):
     return code
 
 
-@kernel
+@inlined
 def _region_end(rules, forces, here, table, poses, courses, work, path, end):
     """First time on a slide at which the curvature has jumped; `end` if it does not before."""
     first = _regions(here, table, poses, courses, path.holds, path.since, path.x)
@@ -259,7 +259,7 @@ def _region_end(rules, forces, here, table, poses, courses, work, path, end):
     return high
 
 
-@kernel
+@inlined
 def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
     """First time at which friction does not hold a resting particle any more, at most `end`."""
     c = path.holds[0] // FACES
@@ -285,7 +285,7 @@ def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
     return end
 
 
-@kernel
+@inlined
 def _face_end(rules, forces, here, table, poses, courses, work, accounts, path, end):
     """
     When a particle on a face of a box or cylinder reaches its end.
@@ -328,7 +328,7 @@ def _whole(table, s):
     return FACES * (s // FACES) if s != NONE and table[s // FACES, SIDE] > 0.0 else s
 
 
-@kernel
+@inlined
 def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path, end):
     """When a particle comes to a surface that does not hold it; `end` if not before."""
     for c in range(table.shape[0]):
@@ -343,7 +343,7 @@ def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path,
     return end
 
 
-@kernel
+@inlined
 def _faces_under(rules, here, table, poses, courses, holds, t, x, v):
     """Give the faces of boxes and cylinders for the surfaces that hold a particle."""
     a, b, c = holds

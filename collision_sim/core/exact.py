@@ -76,7 +76,7 @@ def _is_inside(rules, forces, here, table, poses, courses, duration, x, v):
     return False
 
 
-@kernel
+@inlined
 def _pressing(rules, forces, here, table, poses, courses, s, t, x, v):
     """Give the acceleration [m/s^2] towards a surface of a particle that it does not hold."""
     n = normal_at(rules, here, table, poses, courses, s, t, x)
@@ -217,7 +217,7 @@ def _book_stop(ledger, here, courses, poses, account, c, t, x, v, x1, v1):
         book_shift(ledger, here, account, subtract(x1, x))
 
 
-@kernel
+@inlined
 def _book_candidate(ledger, rules, here, v):
     """Book the flight of a particle that is stepped as by `collision_then_contact`."""
     if ledger is not None:
@@ -225,7 +225,7 @@ def _book_candidate(ledger, rules, here, v):
         book_flight(ledger, here, rules.flight.dt, v, u, w, 1.0)
 
 
-@kernel
+@inlined
 def _jam(here, courses, poses, accounts, notes, ledger, c, t, duration, x, v):
     """Fail-safe of a particle that cannot leave two surfaces: it goes along with the first."""
     accounts[here.block, N_FAIL_SAFE] += 1
@@ -235,7 +235,7 @@ def _jam(here, courses, poses, accounts, notes, ledger, c, t, duration, x, v):
     return x1, v1
 
 
-@kernel
+@inlined
 def go_through(rules, forces, here, table, poses, motion, courses, work, log, accounts, notes,
                ledger, duration, x, v):
     """
@@ -298,7 +298,7 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
     return x, v
 
 
-@kernel
+@inlined
 def _step_particle(rules, forces, here, table, poses, motion, courses, work, log, accounts, notes,
                    ledger, duration, x0, v0):
     """Take one particle through a step; place and velocity."""

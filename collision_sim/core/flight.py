@@ -25,7 +25,7 @@ by its closed form, which never overshoots.
 from math import exp, expm1, sqrt
 from typing import NamedTuple, Optional
 
-from collision_sim.core.jit import formula, kernel
+from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.vectors import dot
 import numpy as np
 
@@ -133,7 +133,7 @@ def quadratic_factor(speed, half_step):
     return 1.0 / (1.0 + half_step * speed)
 
 
-@kernel
+@inlined
 def affine(gains, which, velocity, shift):
     """Gain times velocity plus shift; without gains just the sum."""
     if gains is not None:

@@ -154,7 +154,7 @@ def after(nodes, i):
     return i + 1 if nodes[i, COUNT] > 0.0 else int(nodes[i, NEXT])
 
 
-@kernel
+@inlined
 def _reach(meshes, m, p):
     """Distance [m] from p to some triangle that is not far from the nearest."""
     nodes, i, least = meshes.nodes, int(meshes.heads[m, FIRST_NODE]), inf
@@ -225,7 +225,7 @@ def _nearer(triangles, t, p, best):
     return best
 
 
-@kernel
+@inlined
 def _nearest_in_cells(meshes, m, p, best, first, last):
     """Nearest triangle as `nearest`, of the best so far and those in a block of cells."""
     for i in range(first[0], last[0] + 1):
@@ -327,7 +327,7 @@ def box_of(a, b, margin):
             (max(a[0], b[0]) + margin, max(a[1], b[1]) + margin, max(a[2], b[2]) + margin))
 
 
-@kernel
+@inlined
 def _signed_crossings(meshes, g, a, b):
     """
     Count how often the way from a to b comes to the front of triangles, less how often behind.

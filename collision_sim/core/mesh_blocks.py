@@ -23,7 +23,7 @@ the cells of the grid, then the tree.
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.jit import kernel, widest_vectors
+from collision_sim.core.jit import inlined, kernel, widest_vectors
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
@@ -34,7 +34,7 @@ from collision_sim.core.trajectory import relative_motion
 from collision_sim.core.vectors import length, origin, subtract
 
 
-@kernel
+@inlined
 def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
     """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
     widest_vectors()
@@ -52,7 +52,7 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new,
         near[i] = gap if gap > near[i] else near[i]
 
 
-@kernel
+@inlined
 def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
     """Write to near (B,) how far each way is from the box of a mesh; 0 or less: it may meet it."""
     for i in range(x.shape[0]):
@@ -61,7 +61,7 @@ def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, new, near
         _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near)
 
 
-@kernel
+@inlined
 def _sagitta(sweep, motion, step, c, arm, dx):
     """Most that the path of a particle leaves its chord by, as a turning mesh sees it [m]."""
     if sweep is not None:
@@ -84,7 +84,7 @@ def _meets_leaf(meshes, m, low, high):
     return False
 
 
-@kernel
+@inlined
 def _touches(meshes, m, side, a, b, radius, skin, sagitta):
     """Whether a particle meets a mesh on its way from a to b, or ends inside it."""
     low, high = box_of(a, b, radius + skin + sagitta)
@@ -99,7 +99,7 @@ def _touches(meshes, m, side, a, b, radius, skin, sagitta):
     return side != 0.0 and is_inside(meshes, m, b) == (side > 0.0)
 
 
-@kernel
+@inlined
 def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y, z, new,
                 clear, near):
     """Lower `clear` below 0 for the particles of a block that may touch mesh c."""
@@ -120,7 +120,7 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
                 clear[i] = -1.0
 
 
-@kernel
+@inlined
 def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z, new,
                     clear, near):
     """

@@ -21,7 +21,7 @@ cells near the surface the grid says where their centres lie, and it lists the t
 into them, which short ways are tested against. Beyond the grid all is outside.
 """
 
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import inlined
 
 OUTSIDE, INSIDE, NEAR_OUTSIDE, NEAR_INSIDE = range(4)   # near: and where the centre of the cell is
 FEW_CELLS = 3           # along an axis; of a box with more the tree is asked, not the cells
@@ -69,7 +69,7 @@ def cell_of(heads, m, p):
     return cell_index(heads, m, i, j, k), centre_of(heads, m, i, j, k)
 
 
-@kernel
+@inlined
 def cell_at(heads, cells, m, p):
     """Label of the cell that a point in the frame of mesh m lies in."""
     return int(cells[cell_of(heads, m, p)[0]]) if is_in_grid(heads, m, p) else OUTSIDE
@@ -93,7 +93,7 @@ def cells_of(heads, m, low, high):
     return first, last, most < FEW_CELLS
 
 
-@kernel
+@inlined
 def box_label(heads, cells, m, low, high):
     """
     Label that all cells have that a box meets, -1 where some are near the surface or differ.

@@ -200,7 +200,7 @@ def _earlier(found, t, met):
     return Found(found.tau, found.phi, found.n, found.t, crossings, crossed)
 
 
-@kernel
+@inlined
 def _meet_in_cells(meshes, m, line, a, b, dx, side, radius, skin, first, last, found):
     """Meet the triangles that come into a block of cells."""
     for i in range(first[0], last[0] + 1):

@@ -102,7 +102,7 @@ def state_at(rules, forces, here, table, poses, courses, work, path, t):
     return onto_surfaces(rules, here, table, poses, courses, path.holds, t, x, v)
 
 
-@kernel
+@inlined
 def _acceleration(here, poses, courses, path, t, x, v):
     """
     Acceleration of a particle on its path, and a bound on how fast it changes from then on.
@@ -150,14 +150,14 @@ def _turns_in_itself(table, poses, here, c, axis):
     return table[c, KIND] == SPHERE or largest(cross(axis, z)) <= EPSILON
 
 
-@kernel
+@inlined
 def _turning_bend(alpha, spin, drift, arm, h):
     """Bound [m/s^2] on how fast the gap to a turning solid bends down over a time h."""
     fast = drift + alpha * h
     return alpha + spin * (2.0 * fast + spin * (arm + fast * h))
 
 
-@kernel
+@inlined
 def _extent(table, c):
     """Radius [m] of a ball about the position of a collider that holds its solid."""
     if table[c, KIND] == PLANE or table[c, SIDE] < 0.0:
@@ -184,7 +184,7 @@ def _bend(table, c, face, side, radius, gap, n, w, a, bound):
     return bound + (dot(w, w) - rho * dot(n, a)) / space
 
 
-@kernel
+@inlined
 def _bend_growth(table, c, face, side, radius, w, alpha, jerk, h):
     """Bound [m/s^3] on how fast the result of `_bend` grows over a time h."""
     if side > 0.0 or is_flat(table, c, face, side):

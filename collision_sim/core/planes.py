@@ -97,19 +97,19 @@ def _at(row, i):
     return np.uint64(row * CHUNK + i)
 
 
-@kernel
+@inlined
 def _read(s, row, i):
     """Vector of particle i of a chunk, from three rows of the scratch."""
     return s[_at(row, i)], s[_at(row + 1, i)], s[_at(row + 2, i)]
 
 
-@kernel
+@inlined
 def _write(s, row, i, a):
     """Write a vector of particle i of a chunk to three rows of the scratch."""
     s[_at(row, i)], s[_at(row + 1, i)], s[_at(row + 2, i)] = a
 
 
-@kernel
+@inlined
 def _is_still(motion, step, c):
     """Whether a plane does not move in this step: the velocities of its points are 0 exactly."""
     if motion is not None:
@@ -127,7 +127,7 @@ def _approach(poses, motion, step, start, end, c, x0, v0):
     return approach(v0, obj, n), obj, n
 
 
-@kernel
+@inlined
 def _find_hits(poses, motion, step, start, end, c, s, count):
     """Write the normal velocity of the collisions of a chunk; how many there are."""
     widest_vectors()
@@ -140,7 +140,7 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
     return hits
 
 
-@kernel
+@inlined
 def _collide(rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
     widest_vectors()
@@ -162,7 +162,7 @@ def _collide(rules, table, poses, motion, step, start, end, c, s, count):
         _write(s, VELOCITY, i, after if hit else v0)
 
 
-@kernel
+@inlined
 def _press(rules, table, poses, motion, step, start, end, c, s, count):
     """Contact stage of a chunk, for those inside; places and velocities at the end."""
     widest_vectors()
@@ -218,7 +218,7 @@ def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
             s[_at(DONE, i)] = s[_at(DONE, i)] if clear[i] >= 0.0 else LEFT
 
 
-@kernel
+@inlined
 def _log(log, accounts, block, first, c, poses, end, s, touching, count):
     """Log the contacts of a chunk, if anybody wants them."""
     if log is not None:
@@ -235,14 +235,14 @@ def _log(log, accounts, block, first, c, poses, end, s, touching, count):
         accounts[block, N_LOGGED] = row + count
 
 
-@kernel
+@inlined
 def _copy_rows(s, rows, i, k):
     """Copy the first rows of particle i of a chunk to place k."""
     for row in range(rows):
         s[_at(row, k)] = s[_at(row, i)]
 
 
-@kernel
+@inlined
 def _padded(s, count):
     """Repeat the last particle of a chunk until vectors are full; the count then."""
     full = (count + LANES - 1) // LANES * LANES
@@ -274,7 +274,7 @@ def _keep(s, rows, count, unanswered, left):
     return kept, left
 
 
-@kernel
+@inlined
 def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells):
     """Answer the particles of a chunk, in loops without branches."""
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
@@ -312,7 +312,7 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
     return left
 
 
-@kernel
+@inlined
 def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
                   vx, vy, vz, s, clear, cells, touching, held, unanswered, count):
     """

@@ -25,7 +25,7 @@ from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect
                                        take_velocities, TILE)
 from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
-from collision_sim.core.jit import entry, inlined, kernel, widest_vectors
+from collision_sim.core.jit import entry, inlined, widest_vectors
 from collision_sim.core.lines import in_lines
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
@@ -54,7 +54,7 @@ def block_size(count):
     return min(max(count // SHARES, SMALL_BLOCK), BLOCK) // CHUNK * CHUNK
 
 
-@kernel
+@inlined
 def block_radius(radius, first, last):
     """Radii of a block, None where there are none."""
     if radius is not None:
@@ -73,7 +73,7 @@ def _fly(lean, candidates, ledger, flight, block, first, ahead, x, y, z, vx, vy,
     clear_if_finite(new[0], new[1], new[2], clear)
 
 
-@kernel
+@inlined
 def _sweep_margins(sweep, motion, step, table, margins):
     """Write how far each collider comes in a step, if somebody sweeps."""
     if sweep is not None:
@@ -122,7 +122,7 @@ def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses
     return count
 
 
-@kernel
+@inlined
 def _reach(dt, x0, v0, x1, v1):
     """How far from its start anything may happen to a particle in a step [m], and more."""
     return 2.0 * length(subtract(x1, x0)) + 2.0 * dt * (length(v0) + length(v1))
@@ -146,14 +146,14 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
     return place, velocity
 
 
-@kernel
+@inlined
 def _empty_log(candidates, accounts, block):
     """Begin the log of a step, unless candidates have come with entries of the collision stage."""
     if candidates is None:
         accounts[block, N_LOGGED] = 0
 
 
-@kernel
+@inlined
 def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
                accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
                held, touching, unanswered, chunk, chosen, answers):

@@ -70,7 +70,7 @@ def _quadratic_drag(quadratic, u, a):
     return a
 
 
-@kernel
+@inlined
 def pull(forces, v):
     """Give the acceleration [m/s^2] by gravity and drag at a velocity [m/s]."""
     u = subtract(v, forces.wind)
@@ -115,7 +115,7 @@ def touched(rules, here, table, poses, courses, t, x, v, count):
     return NONE, 0.0
 
 
-@kernel
+@inlined
 def normal_at(rules, here, table, poses, courses, s, t, x):
     """Give the normal of a surface [-]."""
     c, face = s // FACES, s % FACES
@@ -155,7 +155,7 @@ def _friction(dry, wet, table, c, w, along, n):
     return d
 
 
-@kernel
+@inlined
 def solve(a, b, c, right):
     """Solve the system with columns a, b, c by Cramer's rule; NaN or infinite if singular."""
     bc = cross(b, c)
@@ -195,7 +195,7 @@ def normal_forces(holds, n0, n1, n2, d0, d1, d2, g0, g1, g2):
                  (dot(n0, d2), dot(n1, d2), dot(n2, d2)), (-g0, -g1, -g2))
 
 
-@kernel
+@inlined
 def still_speed(courses, poses, here, c, x, v):
     """Speed [m/s] relative to a collider that is only rounding."""
     arm = largest(x) + largest(origin(poses, here.start, c))
@@ -322,7 +322,7 @@ def _seats(a, b, c):
     return (a, b, c)
 
 
-@kernel
+@inlined
 def at_rest(courses, poses, here, c, t, x, v):
     """Whether a particle does not move relative to a collider, to rounding."""
     obj = material_velocity(courses, poses, here, c, t, x)
@@ -410,7 +410,7 @@ def _keeps_still(rules, forces, here, table, poses, courses, holds, touch, t, x,
     return True
 
 
-@kernel
+@inlined
 def _choice(touch, k):
     """Give the k-th choice of the touched surfaces that may hold: singles, pairs, all three."""
     if k < 3:
@@ -470,7 +470,7 @@ def choose_mode(rules, forces, here, table, poses, courses, released, t, x, v):
     return RESTS, touch
 
 
-@kernel
+@inlined
 def resting_place(courses, poses, here, c, x, since, t):
     """Position and velocity at time t of a particle that has rested on a collider since."""
     x = carried(courses, poses, here, c, x, since, t)

@@ -30,7 +30,7 @@ from threading import Thread
 import time
 import traceback
 
-from collision_sim.core.jit import bound, entry, kernel
+from collision_sim.core.jit import bound, entry, inlined
 from numba import config, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_untracked
@@ -157,7 +157,7 @@ def share(function, threads, *args):
         time.sleep(NAP)
 
 
-@kernel
+@inlined
 def post(job, pieces, first, second):
     """Offer a job to a crew, whose last one is done: so many pieces, and what to do."""
     serial = ((job[TICKET] >> SERIAL) + 1) & JOBS
@@ -166,7 +166,7 @@ def post(job, pieces, first, second):
     exchange(job, TICKET, serial << SERIAL)
 
 
-@kernel
+@inlined
 def claim(job, side):
     """
     Take a piece of a job, which stays as it is until the piece is done.
@@ -192,7 +192,7 @@ def claim(job, side):
     return ticket >> SERIAL, piece if left >= 0 else NO_PIECE, left
 
 
-@kernel
+@inlined
 def wait_for_job(job, serial, looks):
     """Whether there is a job with another serial number, after at most a number of looks."""
     for _ in range(looks):
@@ -202,7 +202,7 @@ def wait_for_job(job, serial, looks):
     return fetch_add(job, TICKET, 0) >> SERIAL != serial
 
 
-@kernel
+@inlined
 def wait_until_done(job, looks):
     """Whether all pieces of a job are done, after at most a number of looks."""
     for _ in range(looks):

@@ -129,7 +129,7 @@ def _face_step(table, poses, row, c, radius, arm, move, axis, angle, reach, touc
     return step
 
 
-@kernel
+@inlined
 def _from_outside(present, table, poses, row, c, radius, arm, move, axis, angle, reach, touching):
     """First hit of a convex shape from outside: tau, normal, and whether it was decided."""
     speed = length(move) + angle * reach
@@ -214,7 +214,7 @@ def _hits_mesh(meshes, table, poses, row, c, radius, arm, move, axis, angle):
     return False, NEVER, (0.0, 0.0, 1.0)
 
 
-@kernel
+@inlined
 def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
     """
     First time at which a particle on its path hits a collider that it starts outside of.
