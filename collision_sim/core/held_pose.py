@@ -43,6 +43,10 @@ class HeldPose:
         """Forget all poses."""
         self._used = self._placed = self.newest = self._stamp = None
 
+    def forget_stamp(self):
+        """Compare none with the stamps so far: they are of another time."""
+        self._stamp = None
+
     @property
     def is_new(self):
         """Whether a pose has come since time stands still."""

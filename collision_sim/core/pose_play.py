@@ -66,10 +66,8 @@ class Bounds(NamedTuple):
 
 def new_curve():
     """Give a Curve without poses."""
-    curve = Curve(np.zeros((CAPACITY + 1, TELEPORT + 1)), np.zeros(4, dtype=np.int64),
-                  np.zeros(PLACED + 6), np.zeros(3), np.zeros((12, 4)), np.zeros(4))
-    restart(curve)
-    return curve
+    return Curve(np.zeros((CAPACITY + 1, TELEPORT + 1)), np.zeros(4, dtype=np.int64),
+                 np.zeros(PLACED + 6), np.zeros(3), np.zeros((12, 4)), np.zeros(4))
 
 
 @law
@@ -84,6 +82,8 @@ def add_pose(curve, bounds, stamp, position, orientation):
     """Take a pose that is later than all before; orientation of unit norm, either sign."""
     poses, counts = curve.poses, curve.counts
     n = counts[KEPT]
+    if n == 0:
+        restart(curve)
     unused = counts[STATE] == NO_KNOT or counts[USED] < n - 1
     if n > 1 and unused and poses[n - 1, STAMP] - poses[n - 2, STAMP] < SHORTEST:
         n -= 1

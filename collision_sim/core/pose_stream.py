@@ -91,31 +91,36 @@ class PoseStream:
     teleport_speed : float [m/s]
         The bound on the distance is this speed times the gap, if that is less.
     teleport_angle : float [rad]
+    curve : pose_play.Curve, optional
+        Where the poses are kept.
 
     Attributes
     ----------
     bounds : Bounds
         These parameters; may be replaced before a `restart`.
-    newest : float or None [s]
-        Stamp of the newest pose; None without any.
 
     """
 
     def __init__(self, delay=0.1, timeout=0.5, teleport_distance=0.5, teleport_angle=2.0,
-                 teleport_speed=30.0):
+                 teleport_speed=30.0, curve=None):
         """Start without any pose."""
         self.bounds = Bounds(delay, timeout, teleport_distance, teleport_angle, teleport_speed)
-        self._curve, self.newest = new_curve(), None
+        self._curve = new_curve() if curve is None else curve
 
     def reset(self):
         """Forget all poses."""
         self._curve.counts[KEPT] = 0
-        self.newest = None
-        self.restart()
 
     def restart(self):
         """Begin the curve anew, with a teleport, at the next time that is asked for."""
-        restart(self._curve)
+        if self.newest is not None:
+            restart(self._curve)
+
+    @property
+    def newest(self):
+        """Stamp of the newest pose [s]; None without any."""
+        kept = self._curve.counts[KEPT]
+        return self._curve.poses.item(kept - 1, STAMP) if kept else None
 
     @property
     def newest_pose(self):
@@ -145,11 +150,11 @@ class PoseStream:
 
         """
         position, orientation = checked_pose(stamp, position, orientation)
-        if self.newest is not None and stamp <= self.newest:
-            raise PoseError('repeated' if stamp == self.newest else 'backwards',
-                            'stamp %.9f after %.9f' % (stamp, self.newest))
-        self.newest = float(stamp)
-        add_pose(self._curve, self.bounds, self.newest, position, orientation)
+        newest = self.newest
+        if newest is not None and stamp <= newest:
+            raise PoseError('repeated' if stamp == newest else 'backwards',
+                            'stamp %.9f after %.9f' % (stamp, newest))
+        add_pose(self._curve, self.bounds, float(stamp), position, orientation)
 
     def sample(self, times):
         """
@@ -179,14 +184,6 @@ class PoseStream:
         out, teleport = np.empty((13, len(times))), np.zeros(len(times), dtype=bool)
         play_curve(self._curve, self.bounds, times, out, teleport)
         return PoseTrack(out[:3].T, out[3:7].T, out[7:].T, teleport)
-
-
-def prepare():
-    """Compile what streams are played with, or load it; the first pose would wait for it."""
-    stream = PoseStream(delay=0.0)
-    for k in range(4):
-        stream.add(0.1 * k, (0.01 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    stream.sample(np.array([0.0, 0.15, 0.4]))      # on the curve, and coasting
 
 
 def way_between(before, after):

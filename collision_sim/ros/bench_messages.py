@@ -41,6 +41,7 @@ import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 import yaml
 
 TOPIC, DEPTH, RATE = 'bench_messages', 5, 60.0      # Hz
@@ -120,7 +121,8 @@ def move(node, colliders):
         process = subprocess.Popen(
             [sys.executable, '-m', 'collision_sim.ros.node', '--ros-args', '-p', f'scene:={path}',
              '--log-level', 'error'])
-        while not all(publisher.get_subscription_count() for publisher in publishers):
+        while not (all(publisher.get_subscription_count() for publisher in publishers)
+                   and _is_ready(node)):
             time.sleep(0.1)
         time.sleep(3.0)
         shares = []
@@ -134,6 +136,16 @@ def move(node, colliders):
         process.wait()
     print(f'{colliders} colliders at {POSE_RATE:g} Hz: the node uses {shares[1]:.0%} of a core, '
           f'{shares[0]:.0%} without poses')
+
+
+def _is_ready(node):
+    """Whether the kernels of the other node are: it would take steps, if it were paused."""
+    client = node.create_client(Trigger, '/collision_sim/step')
+    client.wait_for_service()
+    answer = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(node, answer)
+    node.destroy_client(client)
+    return 'paused' in answer.result().message
 
 
 def _publish_poses(node, boxes, publishers, elapsed):

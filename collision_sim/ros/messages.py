@@ -20,12 +20,14 @@ Every function and class names the message that it writes or reads. Padding is z
 values are equal bytes. Strings end at a NUL, as everywhere in ROS.
 """
 
+from functools import lru_cache
 import struct
 from typing import NamedTuple
 
 import numpy as np
 
 ENCAPSULATION = b'\x00\x01\x00\x00'     # plain CDR, little endian; offsets count from its end
+KIND = np.void(ENCAPSULATION[:2])       # what follows is for options
 SECOND = 1_000_000_000                  # ns
 POSE = 7                                # float64 of a geometry_msgs/Pose
 CLOUD_FIELDS = ('x', 'y', 'z', 'vx', 'vy', 'vz')
@@ -304,6 +306,51 @@ def read_pose(message):
     except struct.error as error:
         raise ValueError('too short: %s' % error) from None
     return PoseStamped(seconds, nanoseconds, frame_id, numbers[:3], numbers[3:])
+
+
+def read_poses(messages, frame_id):
+    """
+    Take many serialized geometry_msgs/PoseStamped apart, if all are of one frame.
+
+    Parameters
+    ----------
+    messages : sequence of bytes
+        Not empty.
+    frame_id : str
+        Of that frame.
+
+    Returns
+    -------
+    seconds, nanoseconds : (n,) int64
+        Stamps.
+    poses : (n, 7) float64
+        Position [m] and orientation x, y, z, w.
+
+    None instead of all where `read_pose` may say otherwise of a message.
+
+    """
+    layout, frame = _pose_layout(frame_id)
+    if {len(message) for message in messages} != {layout.itemsize}:
+        return None
+    table = np.frombuffer(b''.join(messages), layout)
+    if (table['kind'] != KIND).any() or (table['frame'] != frame).any():
+        return None
+    return (table['seconds'].astype(np.int64), table['nanoseconds'].astype(np.int64),
+            table['pose'].astype(np.float64))
+
+
+@lru_cache(maxsize=8)
+def _pose_layout(frame_id):
+    """Layout of a geometry_msgs/PoseStamped as a record, and the bytes of its frame."""
+    writer = _Writer()
+    writer.header(0, 0, frame_id)
+    frame = np.array(bytes(writer.data[12:]), dtype=f'V{len(writer.data) - 12}')
+    writer.align(8)
+    start = len(writer.data)
+    return np.dtype({
+        'names': ['kind', 'seconds', 'nanoseconds', 'frame', 'pose'],
+        'formats': ['V2', '<i4', '<u4', frame.dtype, ('<f8', POSE)],
+        'offsets': [0, 4, 8, 12, start], 'itemsize': start + 8 * POSE}), frame
 
 
 def read_pose_array(message):

@@ -20,10 +20,13 @@ The node fills it from its topics (pose_topics.py), a replay from a recorded bag
 
 from collections import Counter
 from itertools import pairwise
+from math import hypot, nan
 
 from collision_sim.core.held_pose import HeldPose
-from collision_sim.core.pose_stream import PoseError, PoseStream
-from collision_sim.ros.messages import read_pose, SECOND
+from collision_sim.core.pose_play import KEPT
+from collision_sim.core.pose_stream import PoseError
+from collision_sim.core.pose_table import add_poses, new_curves, play_curves, streams_of
+from collision_sim.ros.messages import read_pose, read_poses, SECOND
 import numpy as np
 
 AHEAD = 1.0     # s; a stamp further in the future is wrong
@@ -57,7 +60,8 @@ class PoseStreams:
                        for collider in scene.colliders if collider.topic is not None}
         self.dropped = Counter()
         self._seconds = seconds
-        self._streams = {name: PoseStream() for name in self.topics}
+        self._curves = new_curves(len(self.topics))
+        self._streams = dict(zip(self.topics, streams_of(self._curves)))
         self._held = {}         # HeldPose by collider while time stands still
 
     def set_times(self, delay, timeout):
@@ -131,6 +135,59 @@ class PoseStreams:
             raise PoseError('malformed', error) from None
         self.add(name, pose, now)
 
+    def add_messages(self, which, messages, times):
+        """
+        As `add_message` one after the other, but cheaper.
+
+        Parameters
+        ----------
+        which : list of int
+            Places in `topics`.
+        messages : list of bytes
+            Serialized geometry_msgs/PoseStamped.
+        times : (n,) int64 [ns]
+            Times on the clock; a zero stamp means this.
+
+        Returns
+        -------
+        dropped : list of (str, PoseError)
+            Collider and reason of the poses that were dropped.
+
+        """
+        names, dropped = list(self.topics), []
+        together = None if self._held or not messages else self._together(which, messages, times)
+        n = 0
+        while n < len(messages):
+            if together is not None:
+                n = add_poses(self._curves, self._bounds, n, *together)
+            if n < len(messages):       # it is not like the others, or refused
+                name = names[which[n]]
+                try:
+                    self.add_message(name, messages[n], int(times[n]))
+                except PoseError as error:
+                    dropped.append((name, error))
+                n += 1
+        return dropped
+
+    def _together(self, which, messages, times):
+        """Give what add_poses takes; None where messages have to be looked at one by one."""
+        taken_apart = read_poses(messages, self.frame_id)
+        if taken_apart is None:
+            return None
+        seconds, nanoseconds, poses = taken_apart
+        stamps = seconds * SECOND + nanoseconds
+        stamps = self._seconds(np.where(stamps == 0, times, stamps))
+        stamps[nanoseconds >= SECOND] = nan
+        now, bounds = self._seconds(times), self._bounds
+        periods = np.stack([now - bounds.delay - bounds.timeout, now + AHEAD], axis=1)
+        lengths = np.array([hypot(*orientation) for orientation in poses[:, 3:].tolist()])
+        return np.array(which), stamps, periods, poses, lengths
+
+    @property
+    def _bounds(self):
+        """Bounds of all streams."""
+        return next(iter(self._streams.values())).bounds
+
     def _stamp(self, seconds, nanoseconds):
         """Stamp in the seconds of the streams; None for a zero stamp."""
         if nanoseconds >= SECOND:
@@ -198,23 +255,29 @@ class PoseStreams:
             Called with the Contacts of each step; if None, steps are taken together.
 
         """
-        tracks = [(name, stream.sample(times)) for name, stream in self._streams.items()
-                  if stream.newest is not None]
+        names, position, orientation, twist, teleport = self._play(times)
         every = add_contacts is not None
-        for first, last in pairwise(_cuts(tracks, len(times), every)):
-            for name, track in tracks:
-                if track.teleport[first]:
-                    simulation.place_collider(name, track.position[first],
-                                              track.orientation[first])
+        for first, last in pairwise(_cuts(teleport, every)):
+            for k in teleport[:, first].nonzero()[0]:
+                simulation.place_collider(names[k], position[k, first], orientation[k, first])
             part = slice(first, last)
-            simulation.move_colliders(
-                [name for name, _ in tracks],
-                np.array([track.position[part] for _, track in tracks]),
-                np.array([track.orientation[part] for _, track in tracks]),
-                pace * np.array([track.twist[part] for _, track in tracks]))
+            simulation.move_colliders(names, position[:, part], orientation[:, part],
+                                      pace * twist[:, part])
             simulation.step(last - first)
             if every:
                 add_contacts(simulation.contacts)
+
+    def _play(self, times):
+        """Names of the K colliders that have poses, and where they are at S times (K, S, ...)."""
+        which = self._curves.counts[:, KEPT].nonzero()[0]
+        out = np.empty((len(which), 13, len(times)))
+        teleport = np.zeros((len(which), len(times)), dtype=bool)
+        if len(which):
+            times = times - self._bounds.delay
+            play_curves(self._curves, self._bounds, which, times, out, teleport)
+        names = list(self.topics)
+        rows = np.ascontiguousarray(out.swapaxes(1, 2))
+        return [names[k] for k in which], rows[..., :3], rows[..., 3:7], rows[..., 7:], teleport
 
 
 def _checked_time(stamp, now, stream):
@@ -228,11 +291,9 @@ def _checked_time(stamp, now, stream):
     return stamp
 
 
-def _cuts(tracks, count, every):
-    """Where the steps are taken apart: at teleports, or everywhere."""
+def _cuts(teleport, every):
+    """Where the steps are taken apart: at teleports (K, S), or everywhere."""
+    count = teleport.shape[1]
     if every:
         return range(count + 1)
-    cuts = {0, count}
-    for _, track in tracks:
-        cuts.update(track.teleport.nonzero()[0].tolist())
-    return sorted(cuts)
+    return sorted({0, count, *teleport.any(axis=0).nonzero()[0].tolist()})

@@ -16,12 +16,12 @@
 
 import time
 
-from collision_sim.core.pose_stream import PoseError
 from collision_sim.ros.messages import SECOND
 from collision_sim.ros.pose_streams import PoseStreams
 from collision_sim.ros.rare_warnings import RareWarnings
 from collision_sim.ros.spin import arrived
 from geometry_msgs.msg import PoseStamped
+import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -48,29 +48,32 @@ class PoseTopics(PoseStreams):
         super().__init__(scene, node.get_parameter('frame_id').value, clock.seconds)
         self._clock = clock
         self._warn = RareWarnings(node)
-        self._subscriptions = {}
+        self._subscriptions = []        # in the order of the topics
         for name, topic in self.topics.items():
             subscription = node.create_polled_subscription(
                 PoseStamped, topic, QOS, raw=True,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
             self.topics[name] = subscription.topic_name
-            self._subscriptions[name] = subscription
+            self._subscriptions.append(subscription)
         self.set_times(node.get_parameter('pose_delay').value,
                        node.get_parameter('pose_timeout').value)
 
     def take_arrived(self):
         """Take all poses that have arrived; without a stamp, they are of when that was."""
         now, system = self._clock.nanoseconds(), time.time_ns()
-        flows = self._clock.flows
-        for name, subscription in self._subscriptions.items():
-            for message, received in arrived(subscription):
-                age = system - received if flows else 0
-                self._take(name, message, now - (age if 0 < age < OLDEST else 0))
+        which, messages, received = [], [], []
+        for k, subscription in enumerate(self._subscriptions):
+            for message, when in arrived(subscription):
+                which.append(k)
+                messages.append(message)
+                received.append(when)
+        age = system - np.array(received, dtype=np.int64)
+        known = (age > 0) & (age < OLDEST) & self._clock.flows
+        self.take(which, messages, now - np.where(known, age, 0))
 
-    def _take(self, name, message, time):
-        try:
-            self.add_message(name, message, time)
-        except PoseError as error:
+    def take(self, which, messages, times):
+        """Take poses as `add_messages`, and warn of those that are dropped."""
+        for name, error in self.add_messages(which, messages, times):
             key = name, error.reason
             self._warn(key, '%s: pose dropped, %s (%d so far)' % (
                 self.topics[name], error, self.dropped[key]))

@@ -18,7 +18,7 @@ from concurrent.futures import Future
 import threading
 import time
 
-from collision_sim.core.pose_stream import prepare
+from collision_sim.core.pose_table import prepare
 from collision_sim.simulation import Simulation
 
 NAME = 'warm_up'        # of the threads

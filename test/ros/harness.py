@@ -24,6 +24,7 @@ import time
 from collision_sim.ros.messages import read_pose_array
 from collision_sim.ros.node import CollisionSimNode
 from geometry_msgs.msg import PoseStamped
+import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -122,8 +123,9 @@ class Driver:
         self.node.get_clock().set_ros_time_override(clock)
 
     def take(self, name, message):
-        self.node._poses._take(name, serialize_message(message),
-                               self.node._time.nanoseconds())
+        poses = self.node._poses
+        poses.take([list(poses.topics).index(name)], [serialize_message(message)],
+                   np.array([self.node._time.nanoseconds()]))
 
     def run(self, duration, poses=None, stamps=(), each=None):
         """Tick for a duration [s]; poses: collider name to function of the stamp."""

@@ -68,7 +68,8 @@ class OtherSimulator:
         self.messages = peer.subscribe(PoseArray, NODE + '/particles', raw=True)
         peer.spin_until(lambda: self.client.service_is_ready() and self.messages)
         peer.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
-        peer.spin_until(lambda: 'moved: moved' in self.step(0.0))   # it is ready, and discovered
+        while 'moved: moved' not in self.step(0.0):     # it is not ready, or not discovered
+            peer.spin_for(0.1)
 
     def step(self, time):
         message = pose_message(time if self.stamped else None, *pose(time))

@@ -96,9 +96,10 @@ def end(process, signals, pause, deadline=DEADLINE):
 def test_signals_end_the_node(run_node, peer, runs, scene, signals):
     messages = peer.subscribe(PoseArray, NODE + '/particles', raw=True)
     for run in runs:
+        peer.spin_for(0.3)      # what the node of the run before has sent
+        messages.clear()
         before = shared_memory()
         process = run_node(scene)
-        messages.clear()
         peer.spin_until(lambda: moved(messages))
         files = mapped(process) - before
         assert files
