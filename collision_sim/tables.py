@@ -85,8 +85,7 @@ def step_rules(scene, table, meshes):
         passes=max(len(table), 1) if once else stepping.iterations, once=once,
         share=stepping.repulsion, highest=stepping.repulsion_speed,
         second=_used([stepping.method == 'second_order_contact']),
-        planes=_used([present.planes and meshes is None
-                      and stepping.method == 'collision_then_contact'
+        planes=_used([present.planes and stepping.method == 'collision_then_contact'
                       and stepping.detection == 'end_of_step']))
 
 

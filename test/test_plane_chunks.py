@@ -22,6 +22,7 @@ bit, in state, counters and contacts.
 import numpy as np
 from numpy.testing import assert_array_equal
 import pytest
+import small_meshes
 from small_scenes import box, plane, simulate, sphere
 
 FRICTIONS = [{'dry': 0.3}, {'dry': {'static': 0.6, 'kinetic': 0.4}}, {'wet': 2.0},
@@ -87,6 +88,28 @@ def test_together_on_a_plane_that_is_moved():
 
     for sims in both_ways(ROOM + THINGS, moves, friction={'dry': 0.3}):
         assert_same(sims)
+
+
+@pytest.mark.jit
+@pytest.mark.parametrize('radius', [0.0, 0.02])
+def test_together_beside_meshes(radius, tmp_path):
+    """One that stands on the ground, one that moves over it, and one seen from inside."""
+    things = []
+    for name, size, keys in [('crate', (1.0, 0.4, 0.6), {'position': [1.2, 0.0, 0.3]}),
+                             ('sledge', (0.5, 0.5, 0.2), {
+                                 'position': [-1.0, 0.0, 0.11],
+                                 'motion': {'linear_velocity': [2.0, 0.5, 0.0]}}),
+                             ('hall', (9.0, 9.0, 9.0), {'inside': True})]:
+        (tmp_path / f'{name}.obj').write_bytes(small_meshes.obj(*small_meshes.box(size)))
+        things.append({'name': name, 'shape': 'mesh', 'file': str(tmp_path / f'{name}.obj'),
+                       **keys})
+    for count in (2, 3):
+        touched = set()
+        for sims in both_ways([ROOM[0], *things[:count]], friction={'dry': 0.3},
+                              particles={'radius': radius}):
+            assert_same(sims)
+            touched.update(sims[0].contacts.collider.tolist())
+        assert touched >= {0, 1, 2}
 
 
 def test_extreme_slips_are_answered_one_by_one():

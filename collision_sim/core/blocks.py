@@ -347,7 +347,7 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, 
         Candidate positions.
     clear : (B,) float64
         Negative afterwards where a particle may touch a collider; NaN stays.
-    cells : (B,) float64
+    cells : (B,) float64, as long as WORD divides
         Scratch.
 
     """

@@ -23,7 +23,8 @@ of are not in it, nor is anything in scenes of few colliders: these are tested w
 from math import ceil, inf, prod, sqrt
 from typing import NamedTuple
 
-from collision_sim.core.jit import formula, inlined, kernel
+from collision_sim.core.jit import (formula, inlined, kernel, not_clear, select,
+                                    widest_vectors, WORD)
 from collision_sim.core.motion import SHIFT, TURN
 from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE,
                                        signed_distance, SIZE, SPHERE)
@@ -41,8 +42,8 @@ class Grid(NamedTuple):
     Which colliders reach into which cell.
 
     low, high (3,) [m]: corners; per_metre (3,) [1/m]: cells per length; counts (3,): cells along
-    each axis; starts (cells + 2,) int64: first entry of a cell in items, the last cell is empty
-    and for what is outside; items int64: colliders; others int64: colliders not in the grid.
+    each axis; starts (cells + 1,) int64: first entry of a cell in items; items int64: colliders;
+    others int64: colliders not in the grid.
     """
 
     low: tuple
@@ -203,7 +204,7 @@ def make_grid(which, table, poses, motion, reach):
     edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
     most = int(np.cbrt(MOST_CELLS))
     counts = tuple(min(max(ceil(cells), 1), most) for cells in (extent / edge).tolist())
-    starts, others = np.zeros(prod(counts) + 2, dtype=np.int64), np.ones(len(table), dtype=bool)
+    starts, others = np.zeros(prod(counts) + 1, dtype=np.int64), np.ones(len(table), dtype=bool)
     others[which] = False
     grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
                 counts, starts, np.empty(0, dtype=np.int64), np.flatnonzero(others))
@@ -251,22 +252,21 @@ def _margin_at(margins, c):
 
 
 @kernel
-def _write_cells(grid, x, y, z, cells):
-    """Write the cell of each particle of a block to `cells`; the last, empty one outside."""
-    nx, ny, nz = float(grid.counts[0]), float(grid.counts[1]), float(grid.counts[2])
-    px, py, pz = grid.per_metre
-    lx, ly, lz = grid.low
-    hx, hy, hz = grid.high
+def _mark_inside(grid, x, y, z, marks):
+    """Write -1 to marks (B,) for the particles of a tile inside the grid, 1 for the others."""
+    widest_vectors()
+    (lx, ly, lz), (hx, hy, hz) = grid.low, grid.high
     for i in range(x.shape[0]):
-        a, b, c = (x[i] - lx) * px, (y[i] - ly) * py, (z[i] - lz) * pz
-        a, b, c = np.floor(a), np.floor(b), np.floor(c)
-        a = 0.0 if a < 0.0 else (nx - 1.0 if a > nx - 1.0 else a)
-        b = 0.0 if b < 0.0 else (ny - 1.0 if b > ny - 1.0 else b)
-        c = 0.0 if c < 0.0 else (nz - 1.0 if c > nz - 1.0 else c)
-        cell = a + nx * (b + ny * c)
-        cell = cell if (x[i] >= lx) & (x[i] <= hx) else nx * ny * nz
-        cell = cell if (y[i] >= ly) & (y[i] <= hy) else nx * ny * nz
-        cells[i] = cell if (z[i] >= lz) & (z[i] <= hz) else nx * ny * nz
+        inside = ((x[i] >= lx) & (x[i] <= hx) & (y[i] >= ly) & (y[i] <= hy) & (z[i] >= lz)
+                  & (z[i] <= hz))
+        marks[i] = select(inside, -1.0, 1.0)
+
+
+@inlined
+def _cell_of(grid, x, y, z):
+    """Give the number of the cell that a point inside the grid is in."""
+    (lx, ly, lz), (px, py, pz), (nx, ny, nz) = grid.low, grid.per_metre, grid.counts
+    return _cell(lx, px, nx, x) + nx * (_cell(ly, py, ny, y) + ny * _cell(lz, pz, nz, z))
 
 
 @kernel
@@ -287,7 +287,7 @@ def _clear_on_way(grid, present, table, poses, end, skip, reach, near, margins, 
 
 
 @kernel
-def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells):
+def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, marks):
     """
     Lower `clear` for the particles of a block that may touch a collider in the grid.
 
@@ -303,8 +303,8 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y,
         Collider that is left out.
     radius, margins, x, y, z, clear
         As in blocks.clear_of_others.
-    cells : (B,) float64
-        Scratch, not used with margins.
+    marks : (B,) float64
+        Scratch, not used with margins; as long as WORD divides.
 
     """
     if grid is not None:
@@ -316,13 +316,15 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y,
                         grid, present, table, poses, end, skip, near, near, margins, x[i], y[i],
                         z[i]))
         else:
-            _write_cells(grid, x, y, z, cells)
-            for i in range(x.shape[0]):
-                cell = int(cells[i])
-                if grid.starts[cell + 1] > grid.starts[cell] and clear[i] >= 0.0:
-                    clear[i] = min(clear[i], _clear_in_cell(
-                        grid, cell, present, table, poses, end, skip, radius_at(radius, i), None,
-                        x[i], y[i], z[i]))
+            _mark_inside(grid, x, y, z, marks)
+            for first in range(0, x.shape[0], WORD):
+                if not_clear(marks, first) != 0:
+                    for i in range(first, min(first + WORD, x.shape[0])):
+                        if marks[i] < 0.0 and clear[i] >= 0.0:
+                            cell = _cell_of(grid, x[i], y[i], z[i])
+                            clear[i] = min(clear[i], _clear_in_cell(
+                                grid, cell, present, table, poses, end, skip, radius_at(radius, i),
+                                None, x[i], y[i], z[i]))
 
 
 @kernel

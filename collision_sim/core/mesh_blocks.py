@@ -23,7 +23,7 @@ the cells of the grid, then the tree.
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.jit import inlined, kernel, widest_vectors
+from collision_sim.core.jit import inlined, kernel, select, widest_vectors
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
@@ -35,7 +35,7 @@ from collision_sim.core.vectors import length, origin, subtract
 
 
 @inlined
-def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
+def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near):
     """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
     widest_vectors()
     low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
@@ -45,20 +45,20 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new,
     b3 = b0 * poses[end, c, 9] + b1 * poses[end, c, 10] + b2 * poses[end, c, 11]
     for i in range(x.shape[0]):
         a = a0 * x[i] + a1 * y[i] + a2 * z[i] - a3
-        b = b0 * new[0, i] + b1 * new[1, i] + b2 * new[2, i] - b3
+        b = b0 * x1[i] + b1 * y1[i] + b2 * z1[i] - b3
         r = radius_at(radius, i)
-        least, most = (a if a < b else b) - r, (a if a > b else b) + r
-        gap = least - high if least - high > low - most else low - most
-        near[i] = gap if gap > near[i] else near[i]
+        least, most = select(a < b, a, b) - r, select(a > b, a, b) + r
+        gap = select(least - high > low - most, least - high, low - most)
+        near[i] = select(gap > near[i], gap, near[i])
 
 
 @inlined
-def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, new, near):
+def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near):
     """Write to near (B,) how far each way is from the box of a mesh; 0 or less: it may meet it."""
     for i in range(x.shape[0]):
         near[i] = 0.0
     for k in range(3):
-        _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, new, near)
+        _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near)
 
 
 @inlined
@@ -107,7 +107,8 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
     skin = skin_of(meshes, table, poses, start, end, c)
     turns = _sagitta(sweep, motion, step, c, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)) > 0.0
     margin = inf if turns or side < 0.0 else skin
-    _near_box(meshes.heads, m, poses, start, end, c, radius, margin, x, y, z, new, near)
+    _near_box(meshes.heads, m, poses, start, end, c, radius, margin, x, y, z, new[0], new[1],
+              new[2], near)
     for i in range(x.shape[0]):
         if near[i] <= 0.0 and clear[i] >= 0.0:
             x0, x1 = (x[i], y[i], z[i]), (new[0, i], new[1, i], new[2, i])
@@ -145,3 +146,29 @@ def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radiu
             if table[c, KIND] == MESH:
                 _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y,
                             z, new, clear, near)
+
+
+@inlined
+def clear_of_mesh_boxes(meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear, near):
+    """
+    Lower `clear` below 0 for ways that come near the box around a mesh; none turns visibly.
+
+    Parameters
+    ----------
+    meshes, table, poses, start, end, clear, near
+        As in `clear_of_meshes`.
+    reach : (B,) float64 [m]
+        How near.
+    x, y, z, x1, y1, z1 : (B,) float64 [m]
+        Start and end of the ways.
+
+    """
+    if meshes is not None:
+        for c in range(table.shape[0]):
+            if table[c, KIND] == MESH:
+                side = side_of(meshes, table, c)
+                margin = inf if side < 0.0 else skin_of(meshes, table, poses, start, end, c)
+                _near_box(meshes.heads, mesh_of(table, c), poses, start, end, c, reach, margin, x,
+                          y, z, x1, y1, z1, near)
+                for i in range(x.shape[0]):
+                    clear[i] = select(near[i] > 0.0, clear[i], -1.0)

@@ -30,6 +30,7 @@ from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond_to_slip, slip_of
 from collision_sim.core.jit import inlined, kernel, widest_vectors
 from collision_sim.core.laws import normal_impulse
+from collision_sim.core.mesh_blocks import clear_of_mesh_boxes
 from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
 from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_LOGGED, NORMAL,
                                       POINT, PUSHES, ROUNDING, SLIDE, STICK)
@@ -199,21 +200,31 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
         _write(s, VELOCITY, i, w2 if inside else w)
 
 
+@inlined
+def _rows(s, row, count):
+    """Three rows of a chunk, the components of a vector."""
+    k = row * CHUNK
+    return (s[k:k + count], s[k + CHUNK:k + CHUNK + count],
+            s[k + 2 * CHUNK:k + 2 * CHUNK + count])
+
+
 @kernel
-def _leave_if_near(grid, present, table, poses, end, c, s, count, clear, cells):
+def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, cells):
     """
     Leave those particles to `resolve` that may touch a collider other than plane c.
 
-    Tested are their candidates, with a margin for how far the contact stage may move them.
+    Tested are their candidates, with a margin for how far the contact stage may move them; with
+    meshes the ways there.
     """
     if table.shape[0] > 1:
-        k = BETWEEN * CHUNK
         for i in range(count):
             clear[i] = 1.0
-        clear_of_others(grid, present, table, poses, end, c,
-                        s[NEAR * CHUNK:NEAR * CHUNK + count], None, s[k:k + count],
-                        s[k + CHUNK:k + CHUNK + count],
-                        s[k + 2 * CHUNK:k + 2 * CHUNK + count], clear[:count], cells)
+        x, y, z = _rows(s, PLACE, count)
+        x1, y1, z1 = _rows(s, BETWEEN, count)
+        near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
+        clear_of_others(grid, present, table, poses, end, c, near, None, x1, y1, z1, marks, cells)
+        clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
+                            marks, cells)
         for i in range(count):
             s[_at(DONE, i)] = s[_at(DONE, i)] if clear[i] >= 0.0 else LEFT
 
@@ -280,7 +291,7 @@ def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, c
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
         _collide(rules, table, poses, motion, step, start, end, c, s, full)
-        _leave_if_near(grid, rules.present, table, poses, end, c, s, count, clear, cells)
+        _leave_if_near(grid, rules.present, table, poses, start, end, c, s, count, clear, cells)
     _press(rules, table, poses, motion, step, start, end, c, s, full)
 
 
@@ -290,7 +301,8 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
     for i in range(count):
         s[_at(DONE, i)] = 0.0
-    _leave_if_near(grid, rules.present, table, poses, here.end, c, s, count, clear, cells)
+    _leave_if_near(grid, rules.present, table, poses, here.start, here.end, c, s, count, clear,
+                   cells)
     count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
