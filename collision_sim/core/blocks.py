@@ -144,8 +144,9 @@ def hold(x, y, z, vx, vy, vz, first, touching, before, count, held):
     first : int
         First particle of the tile.
     touching : (BLOCK,) int64
-        Their numbers in the tile, from entry `before` to `count`; overwritten with those in the
-        block.
+        Their numbers in the tile; overwritten with those in the block.
+    before, count : int
+        From which entry to which.
     held : (6, BLOCK) float64
         Overwritten with their places and velocities, at the same entries.
 

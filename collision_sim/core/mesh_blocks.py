@@ -23,7 +23,8 @@ the cells of the grid, then the tree.
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.jit import inlined, kernel, select, widest_vectors
+from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, select,
+                                    widest_vectors, WORD)
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
@@ -32,11 +33,12 @@ from collision_sim.core.mesh_path import meet
 from collision_sim.core.shapes import KIND, MESH
 from collision_sim.core.trajectory import relative_motion
 from collision_sim.core.vectors import length, origin, subtract
+import numpy as np
 
 
 @inlined
 def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near):
-    """Raise near (B,) above 0 for ways that are apart from the box of a mesh along its axis k."""
+    """Make near (B,) positive for ways that are apart from the box of a mesh along its axis k."""
     widest_vectors()
     low, high = heads[m, BOX_LOW + k] - margin, heads[m, BOX_HIGH + k] + margin
     a0, a1, a2 = poses[start, c, k], poses[start, c, 3 + k], poses[start, c, 6 + k]
@@ -49,14 +51,14 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, 
         r = radius_at(radius, i)
         least, most = select(a < b, a, b) - r, select(a > b, a, b) + r
         gap = select(least - high > low - most, least - high, low - most)
-        near[i] = select(gap > near[i], gap, near[i])
+        near[i] = select(gap > 0.0, gap, near[i])
 
 
 @inlined
 def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near):
-    """Write to near (B,) how far each way is from the box of a mesh; 0 or less: it may meet it."""
+    """Write to near (B,) how far a way is from the box of a mesh; negative: it may meet it."""
     for i in range(x.shape[0]):
-        near[i] = 0.0
+        near[i] = -1.0
     for k in range(3):
         _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z1, near)
 
@@ -109,16 +111,20 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
     margin = inf if turns or side < 0.0 else skin
     _near_box(meshes.heads, m, poses, start, end, c, radius, margin, x, y, z, new[0], new[1],
               new[2], near)
-    for i in range(x.shape[0]):
-        if near[i] <= 0.0 and clear[i] >= 0.0:
-            x0, x1 = (x[i], y[i], z[i]), (new[0, i], new[1, i], new[2, i])
-            sagitta = 0.0
-            if turns:
-                arm = subtract(x0, origin(poses, start, c))
-                sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
-            if _touches(meshes, m, side, to_frame(poses, start, c, x0),
-                        to_frame(poses, end, c, x1), radius_at(radius, i), skin, sagitta):
-                clear[i] = -1.0
+    for first in range(0, x.shape[0], WORD):
+        bits = not_clear(near, first)
+        while bits != 0:
+            i = first + lowest(bits)
+            bits &= bits - np.uint64(1)
+            if i < x.shape[0] and clear[i] >= 0.0:
+                x0, x1 = (x[i], y[i], z[i]), (new[0, i], new[1, i], new[2, i])
+                sagitta = 0.0
+                if turns:
+                    arm = subtract(x0, origin(poses, start, c))
+                    sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
+                if _touches(meshes, m, side, to_frame(poses, start, c, x0),
+                            to_frame(poses, end, c, x1), radius_at(radius, i), skin, sagitta):
+                    clear[i] = -1.0
 
 
 @inlined
@@ -137,7 +143,7 @@ def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radiu
         Row of motion, rows of poses at the start and at the end of the step.
     radius, x, y, z, new, clear
         Of the block, as in step_block.
-    near : (B,) float64
+    near : (B,) float64, as long as WORD divides
         Scratch.
 
     """
