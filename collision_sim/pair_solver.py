@@ -57,7 +57,7 @@ class PairSolver:
         self._cells = None
         self._meetings = Meetings(
             np.empty((0, 2), dtype=np.int32), _nobody(0), np.empty(0), np.empty((0, 3)),
-            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32),
+            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32), _nobody(count),
             np.empty((3, count)))
         self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),

@@ -85,7 +85,7 @@ class Meetings(NamedTuple):
     did not press; order (P,) float64: which comes first, inf for those that do not collide; normal
     (P, 3) [-]: from the second to the first; first (N,) int32: the pair that comes first for a
     particle; moved, hits (N,) int32: the round in which it has collided last, and how often it
-    has; before (3, N) [m/s]: its velocity before it has.
+    has; struck (N,) int32: who has collided; before (3, N) [m/s]: its velocity before it has.
     """
 
     ends: np.ndarray
@@ -95,6 +95,7 @@ class Meetings(NamedTuple):
     first: np.ndarray
     moved: np.ndarray
     hits: np.ndarray
+    struck: np.ndarray
     before: np.ndarray
 
 
@@ -308,28 +309,38 @@ def _choose(meetings, count):
     return found
 
 
+@inlined
+def _note(meetings, i, turn, struck):
+    """Note that a particle has collided in a round; how many have."""
+    if meetings.hits[i] == 0:
+        meetings.struck[struck] = i
+        struck += 1
+    meetings.moved[i] = turn
+    meetings.hits[i] += 1
+    return struck
+
+
 @kernel
-def _respond(rules, flight, matter, ledger, v, candidates, meetings, count, turn):
-    """Let the pairs collide that both of their particles have chosen; how many."""
+def _respond(rules, flight, matter, ledger, v, candidates, meetings, count, turn, struck):
+    """Let the pairs collide that both of their particles have chosen; how many, and who has."""
     hits = 0
     for p in range(count):
         if meetings.order[p] < inf:
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
             if meetings.first[i] == p and meetings.first[j] == p:
                 collide(rules, flight, matter, ledger, v, candidates, meetings, p)
-                meetings.moved[i] = meetings.moved[j] = turn
-                meetings.hits[i] += 1
-                meetings.hits[j] += 1
+                struck = _note(meetings, j, turn, _note(meetings, i, turn, struck))
                 hits += 1
-    return hits
+    return hits, struck
 
 
 @kernel
 def _forget(meetings, count):
     """Forget the choices."""
     for p in range(count):
-        meetings.first[meetings.ends[p, FIRST]] = NONE
-        meetings.first[meetings.ends[p, SECOND]] = NONE
+        if meetings.order[p] < inf:
+            meetings.first[meetings.ends[p, FIRST]] = NONE
+            meetings.first[meetings.ends[p, SECOND]] = NONE
 
 
 @law
@@ -356,16 +367,16 @@ def collide_all(sweep, rules, flight, matter, ledger, x, v, candidates, meetings
         Collisions are counted in the first row.
 
     """
-    turn = 0
+    turn, struck = 0, 0
     while _choose(meetings, count):
-        accounts[0, N_PAIR_COLLISION] += _respond(rules, flight, matter, ledger, v, candidates,
-                                                  meetings, count, turn)
+        hits, struck = _respond(rules, flight, matter, ledger, v, candidates, meetings, count,
+                                turn, struck)
+        accounts[0, N_PAIR_COLLISION] += hits
         _forget(meetings, count)
         for p in range(count):
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
             if turn in (meetings.moved[i], meetings.moved[j]) and can_meet(matter, i, j):
                 look_at(sweep, rules.slow, flight.dt, matter, x, v, candidates, meetings, p)
         turn += 1
-    for p in range(count):
-        for k in range(2):
-            meetings.moved[meetings.ends[p, k]], meetings.hits[meetings.ends[p, k]] = NONE, 0
+    for k in range(struck):
+        meetings.moved[meetings.struck[k]], meetings.hits[meetings.struck[k]] = NONE, 0
