@@ -303,10 +303,11 @@ class Simulation:
         """Take n steps of dt and, if that is more than 0, one of the duration `rest` [s]."""
         if self._books:
             self._books.begin(self._x, self._v)
-        while n > 0 and self.dt > 0.0:
-            first = self._count if self._since == 0.0 else self.time / self.dt
-            steps = self._colliders.lay_out(n, first, self.dt)
-            self._move_particles(steps, self.dt, self._rules)
+        dt = self.dt
+        while n > 0 and dt > 0.0:
+            first = self._count if self._since == 0.0 else self.time / dt
+            steps = self._colliders.lay_out(n, first, dt)
+            self._move_particles(steps, dt, self._rules)
             self._colliders.go_on(steps)
             self._count += steps
             n -= steps
