@@ -166,8 +166,8 @@ def _copy(source, target):
 
 
 @inlined
-def take_places(x, y, z, new):
-    """Take the positions of a tile from `new` (6, TILE)."""
+def take(x, y, z, new):
+    """Take the first three rows of `new`: positions of a tile, or velocities."""
     _copy(new[0], x)
     _copy(new[1], y)
     _copy(new[2], z)
@@ -187,14 +187,6 @@ def gain_velocities(flight, vx, vy, vz):
     _gain_component(gains, end[0], vx)
     _gain_component(gains, end[1], vy)
     _gain_component(gains, end[2], vz)
-
-
-@inlined
-def take_velocities(vx, vy, vz, new):
-    """Take the velocities of a tile from `new` (6, TILE)."""
-    _copy(new[3], vx)
-    _copy(new[4], vy)
-    _copy(new[5], vz)
 
 
 @inlined

@@ -21,8 +21,7 @@ threads, and neither do results.
 """
 
 from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,
-                                       hold, NONE, path_lengths, place_block, take_places,
-                                       take_velocities, TILE)
+                                       hold, NONE, path_lengths, place_block, take, TILE)
 from collision_sim.core.broad_phase import choose, most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import entry, inlined, widest_vectors
@@ -99,11 +98,11 @@ def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, length
 @inlined
 def _take(lean, flight, x, y, z, vx, vy, vz, new):
     """Take the candidates of a tile."""
-    take_places(x, y, z, new)
+    take(x, y, z, new)
     if lean is not None:
         gain_velocities(flight, vx, vy, vz)
     else:
-        take_velocities(vx, vy, vz, new)
+        take(vx, vy, vz, new[3:])
 
 
 @inlined
