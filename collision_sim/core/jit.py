@@ -36,7 +36,9 @@ from llvmlite import binding, ir
 from numba import config, njit, typeof, types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
+from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
+from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
@@ -77,7 +79,7 @@ class PartCompiler(Compiler):
 
 
 # What is not said here is as in the function whose call compiles this one first.
-LAW = {'cache': True, 'error_model': 'numpy', 'forceinline': False}
+LAW = {'error_model': 'numpy', 'forceinline': False}
 FORMULA = {**LAW, '_nrt': False}
 KERNEL = {**FORMULA, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True,
           'pipeline_class': PartCompiler}
@@ -91,18 +93,37 @@ def _sources():
     return digest.digest()
 
 
-def _compiled(options):
+class KernelCache(FunctionCache):
     """
-    Give the decorator for functions that are compiled with these options.
+    Numba's cache of compiled functions, as the core needs it.
 
     Numba takes a function from its cache as long as the file it is in stays the same. What it
     calls may be in another file, of a newer version by now: here all files have to be the same.
+    And it begins with all it needs to compile, a third of a second, before it looks whether
+    anything has to be: here that waits until something has.
     """
+
+    def __init__(self, function):
+        super().__init__(function)
+        self._cache_file._source_stamp = SOURCES
+
+    def load_overload(self, sig, target_context):
+        """Give what is stored for a signature, or None: then it will be compiled."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            stored = self._load_overload(sig, target_context)
+            if stored is not None:
+                return stored
+        target_context.refresh()
+        return None
+
+
+def _compiled(options):
+    """Give the decorator for functions that are compiled with these options."""
     def decorate(function):
         dispatcher = njit(**options)(function)
-        index = getattr(getattr(dispatcher, '_cache', None), '_cache_file', None)
-        if index is not None:
-            index._source_stamp = SOURCES
+        if not config.DISABLE_JIT:
+            dispatcher._cache = KernelCache(function)
         return dispatcher
     return decorate
 
