@@ -205,7 +205,17 @@ class Simulation:
     @property
     def contacts(self):
         """Contacts of the last step; none where `record_contacts` was off."""
-        rows = [self._log[b, :n] for b, n in enumerate(self._accounts[:, N_LOGGED])] \
+        return self._every_contact(1)
+
+    def some_contacts(self, most):
+        """Contacts of the last step, at most so many; of more every second, third, ... one."""
+        return self._every_contact(max(1, -(-int(self._accounts[:, N_LOGGED].sum()) // most)))
+
+    def _every_contact(self, stride):
+        """Give Contacts of every first, second, ... row of the logs of all blocks."""
+        counts = self._accounts[:, N_LOGGED]
+        first = (counts - np.cumsum(counts)) % stride
+        rows = [rows[start:n:stride] for rows, start, n in zip(self._log, first, counts)] \
             if self._log is not None else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
         log = log[np.argsort(log[:, 0], kind='stable')]

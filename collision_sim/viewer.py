@@ -128,12 +128,12 @@ class Viewer:
         simulation : Simulation
             The one of the start.
         contacts : list of Contacts, optional
-            To be shown; those of the last step if absent.
+            To be shown; those of the last step if absent, or some of them if they are many.
         paused : bool
             Whether to say so.
 
         """
-        contacts = [simulation.contacts] if contacts is None else contacts
+        contacts = [simulation.some_contacts(MOST_LINES)] if contacts is None else contacts
         self._pace.note(simulation)
         with self._server.atomic():
             self._show_particles(simulation)
@@ -150,16 +150,17 @@ class Viewer:
         self._server.stop()
 
     def _show_particles(self, simulation):
+        position = simulation.position
         speed = np.sqrt(np.square(simulation.velocity).sum(axis=1))
-        points = simulation.position.astype(np.float32)
-        shown = (np.abs(points).max(axis=1) <= FAR) & np.isfinite(speed)    # False for NaN
+        shown = (np.abs(position).max(axis=1) <= FAR) & np.isfinite(speed)  # False for NaN
         if not shown.all():
-            points, speed = points[shown], speed[shown]
+            position, speed = position[shown], speed[shown]
         if simulation.time == 0.0:
             self._fastest = 0.0
         if len(speed):
             some = speed[::1 + len(speed) // SAMPLE]
             self._fastest = max(self._fastest, float(np.quantile(some, 0.99)))
+        points = position.astype(np.float32, order='C')     # whose copies by viser are fast
         _replace(self._particles, points, speed_colors(speed, self._fastest))
 
     def _show_contacts(self, contacts):

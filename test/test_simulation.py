@@ -443,6 +443,20 @@ def test_contacts_of_later_blocks():
     assert_allclose(sim.contacts.point[:, 0], np.arange(1100.0))
 
 
+@pytest.mark.parametrize(('most', 'stride'), [(2000, 1), (1100, 1), (1099, 2), (550, 2), (400, 3),
+                                              (7, 158), (1, 1100)])
+def test_some_contacts(most, stride):
+    """At most so many, evenly chosen across the blocks; their parts belong together."""
+    sim = simulate([plane()], [(float(k), 0.0, 0.0) for k in range(1100)])
+    assert len(sim.some_contacts(most).particle) == 0
+    sim.step()
+    some = sim.some_contacts(most)
+    assert len(some.particle) <= most
+    assert_array_equal(some.particle, np.arange(0, 1100, stride))
+    for part, all_of_them in zip(some, sim.contacts):
+        assert_array_equal(part, all_of_them[::stride])
+
+
 def test_energy_is_kept_by_elastic_bounces():
     sim = simulate([plane()], (0.0, 0.0, 1.0), dt=1e-2, restitution=1.0,
                    particles={'mass': 3.0})

@@ -23,7 +23,9 @@ from collision_sim.simulation import Simulation
 from collision_sim.studies.run import seconds
 from collision_sim.viewer import BUTTONS, EVERY_CONTACT, PORT, RATE, Viewer
 
-STEPPING = 0.75         # most of a frame that goes into steps; the rest is for showing
+SHOWING = 0.25          # of a frame; the rest is for steps
+STEPPING = 0.5          # of a frame; steps get as much even if frames come late
+LAG = 0.2               # s; what the simulation is late by, up to this, is made up
 ROUNDING = 1e-6         # of a step
 
 
@@ -78,7 +80,7 @@ class Player:
     def __init__(self, simulation, viewer, frame):
         self._simulation, self._viewer, self._frame = simulation, viewer, frame
         self._paused = False
-        self._contacts = []             # of the frame that is shown
+        self._contacts = []             # of the frame that is shown; None: of the last step
         self._due = perf_counter()      # when the next frame is to begin
         self._begin()
 
@@ -89,31 +91,33 @@ class Player:
     def show(self, until):
         """Take the steps of a frame, none beyond a time [s], and show it."""
         begin = perf_counter()
+        self._due += self._frame
         for name in self._viewer.pressed():
             {'pause': self._pause, 'step': self._step, 'reset': self._reset}[name]()
         if self._paused or not self._simulation.dt:
             self._begin()
         else:
-            self._run(until, begin + STEPPING * self._frame)
+            self._run(until, max(self._due - SHOWING * self._frame,
+                                 begin + STEPPING * self._frame))
         self._viewer.update(self._simulation, self._contacts, self._paused)
         now = perf_counter()
-        self._due = max(self._due + self._frame, now)   # whatever a sleep is too long is made up
-        sleep(self._due - now)
+        self._due = max(self._due, now - self._frame)   # as late as this frames are made up
+        sleep(max(self._due - now, 0.0))
 
     def _run(self, until, deadline):
-        """Catch up with the clock; what there is no time for until the deadline is left out."""
-        simulation, contacts = self._simulation, []
-        every = len(simulation.position) <= EVERY_CONTACT
+        """Catch up with the clock, or until the deadline; what is late by too much is left out."""
+        simulation = self._simulation
+        contacts = [] if len(simulation.position) <= EVERY_CONTACT else None
         target = min(perf_counter() - self._zero, until) + ROUNDING * simulation.dt
         while simulation.time + simulation.dt <= target:
             simulation.step()
-            contacts += [simulation.contacts] if every else []
+            if contacts is not None:
+                contacts.append(simulation.contacts)
             self._contacts = contacts
-            if perf_counter() > deadline:
-                self._begin()
+            now = perf_counter()
+            if now > deadline:
+                self._zero = max(self._zero, now - simulation.time - LAG)
                 break
-        if not every:
-            self._contacts = [simulation.contacts]
 
     def _pause(self):
         self._paused = not self._paused

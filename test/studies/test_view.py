@@ -96,6 +96,39 @@ def test_sleeps_that_last_too_long_are_made_up(play, monkeypatch):
     assert clock.now - begin == pytest.approx(100 * FRAME + 0.003)
 
 
+def test_frames_that_come_late_are_made_up(play, monkeypatch):
+    """Every tenth takes too long to show; neither frames nor time of the simulation are lost."""
+    frames, page, clock = play()
+    update = page.update
+
+    def slow_at_times(*args):
+        update(*args)
+        clock.go_on(0.09 if len(page.times) % 10 == 5 else 0.001)
+    monkeypatch.setattr(page, 'update', slow_at_times)
+    begin = clock.now
+    frames(100)
+    assert clock.now - begin == pytest.approx(100 * FRAME)
+    assert page.times[-1] == pytest.approx(99 * FRAME, abs=0.005)
+
+
+def test_a_slow_step_is_made_up(play, monkeypatch):
+    """One step takes 0.09 s; a few frames later the simulation shows what the clock does."""
+    frames, page, clock = play()
+    frames(10)
+    step = Simulation.step
+
+    def slow_once(simulation):
+        monkeypatch.setattr(Simulation, 'step', step)
+        step(simulation)
+        clock.go_on(0.09)
+    monkeypatch.setattr(Simulation, 'step', slow_once)
+    begin = clock.now
+    frames(10)
+    assert page.times[10] == pytest.approx(page.times[9] + 0.004)
+    assert clock.now - begin == pytest.approx(10 * FRAME)
+    assert page.times[-1] == pytest.approx(19 * FRAME, abs=0.005)
+
+
 def test_slower_than_the_clock(play):
     """What there is no time for is left out; the page is still shown at its rate."""
     frames, page, clock = play(seconds_a_step=0.01)
