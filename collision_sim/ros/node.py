@@ -106,36 +106,45 @@ class CollisionSimNode(SturdyNode):
         self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
 
     def _prepare(self):
-        """Begin to compile the kernels; until they are ready the node is as in a pause."""
+        """Begin to compile the kernels; until the first are ready the node is as in a pause."""
         self.get_logger().info(
             'preparing the kernels; the first time they are compiled, which takes a while')
-        self._warm_up = warm_up(self._simulation.scene, self._simulation.ledger is not None)
+        self._first = self._simulation.record_contacts = self._outputs.contacts_wanted
+        self._kernels = warm_up(
+            self._simulation.scene, self._simulation.ledger is not None, self._first)
         self._waiting = self.create_timer(
             WAITING, self._begin_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
     def preparing(self):
-        """Whether a thread is still at work on the kernels."""
-        return not self._warm_up.done()
+        """Whether there are no kernels yet to step with."""
+        return not self._kernels[self._first].done()
 
     @property
     def failure(self):
-        """What kept the kernels from being ready, an exception; None as a rule."""
-        return None if self.preparing else self._warm_up.exception()
+        """What kept kernels from being ready, an exception; None as a rule."""
+        failures = [each.exception() for each in self._kernels.values() if each.done()]
+        return next(filter(None, failures), None)
 
     def wait_until_ready(self):
-        """Do not serve but wait until the kernels are ready; raises what kept them from it."""
-        self._warm_up.result()
+        """Do not serve but wait until all kernels are ready; raises what kept them from it."""
+        for kernels in self._kernels.values():
+            kernels.result()
         self._begin_when_ready()
 
     def _begin_when_ready(self):
-        if self.preparing or self._ready:
+        if self.preparing:
             return
-        self.destroy_timer(self._waiting)
+        if all(kernels.done() for kernels in self._kernels.values()):
+            self.destroy_timer(self._waiting)
         if self.failure is not None:
             self.context.try_shutdown()     # which ends spinning
-            return
-        self._seconds_a_step, self._ready = self._warm_up.result(), True
+        elif not self._ready:
+            self._begin()
+
+    def _begin(self):
+        """Let time go on from here."""
+        self._seconds_a_step, self._ready = self._kernels[self._first].result(), True
         self._time.begin()
         if not self._paused:
             self._poses.release(self._time.now())
@@ -210,10 +219,18 @@ class CollisionSimNode(SturdyNode):
 
         """
         outputs = self._outputs
-        wanted = self._simulation.record_contacts = outputs.contacts_wanted
+        wanted = outputs.contacts_wanted
+        self._use_kernels(wanted)
         self._poses.step(self._simulation, times, pace,
                          outputs.messages.add_contacts if wanted else None)
         self._diagnostics.steps += len(times)
+
+    def _use_kernels(self, contacts):
+        """Record contacts or not, if the kernels for it are ready; gives whether they are."""
+        ready = self._kernels[contacts].done()
+        if ready:
+            self._simulation.record_contacts = contacts
+        return ready
 
     # --- out -------------------------------------------------------------------------------
 
@@ -280,12 +297,12 @@ class CollisionSimNode(SturdyNode):
 
     def _step(self, request, response):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
-        if not self._ready:
+        wanted = self._outputs.contacts_wanted
+        if not (self._ready and self._use_kernels(wanted)):
             return _answer(response, False, 'the kernels are still being compiled')
         if not self._paused:
             return _answer(response, False, 'only while paused')
         self._poses.take_arrived()
-        wanted = self._simulation.record_contacts = self._outputs.contacts_wanted
         moved = self._poses.move_held(self._simulation)
         self._simulation.step()
         self._diagnostics.steps += 1

@@ -17,6 +17,7 @@
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from collision_sim.ros import warm_up  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
+from collision_sim.scene import Scene  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from geometry_msgs.msg import PoseArray  # noqa: E402
 from harness import DEADLINE, jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
@@ -32,18 +34,25 @@ from rcl_interfaces.srv import ListParameters, SetParameters  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
+from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
 
 NODE = '/collision_sim'
 UPRIGHT = (0, 0, 0, 1)
+LYING = {'particles': {'position': [[0, 0, 0]]}, 'friction': {'dry': 0.3},
+         'colliders': [{'name': 'ground', 'shape': 'plane'}]}
 FAILS = """
 import sys
 from collision_sim.ros import warm_up
 from collision_sim.ros.start import main
 
-def fail(scene, ledger):
-    raise RuntimeError('no machine code today')
+compiled, failing = warm_up._step, [name == 'contacts' for name in sys.argv[1:]]
 
-warm_up._compile = fail
+def fail(scene, ledger, contacts):
+    if contacts in failing:
+        raise RuntimeError('no machine code today')
+    return compiled(scene, ledger, contacts)
+
+warm_up._step = fail
 sys.exit(main([]))
 """
 
@@ -51,17 +60,18 @@ sys.exit(main([]))
 @pytest.fixture
 def slow(drive, monkeypatch):
     """Give a function that makes a node whose kernels are not ready before `release`."""
-    compiled, events = warm_up._compile, []
+    compiled, events = warm_up._step, []
 
     def make(scene, **parameters):
-        released = threading.Event()
-        events.append(released)
+        released = {recording: threading.Event() for recording in (False, True)}
+        events.extend(released.values())
 
-        def wait(scene, ledger):
-            assert released.wait(DEADLINE)
-            return compiled(scene, ledger)
+        def wait(scene, ledger, contacts):
+            assert released[contacts].wait(DEADLINE)
+            return compiled(scene, ledger, contacts)
 
-        monkeypatch.setattr(warm_up, '_compile', wait)
+        monkeypatch.setattr(warm_up, '_step', wait)
+        monkeypatch.setattr(warm_up, 'LONG', DEADLINE)      # no help
         driver = drive(scene, ready=False, **parameters)
         driver.released = released
         return driver
@@ -72,7 +82,8 @@ def slow(drive, monkeypatch):
 
 
 def release(driver):
-    driver.released.set()
+    for released in driver.released.values():
+        released.set()
     driver.node.wait_until_ready()
 
 
@@ -129,7 +140,7 @@ def test_diagnostics_say_so(slow):
     driver.spin_until(lambda: messages)
     pace, = messages[-1].status
     assert pace.level == DiagnosticStatus.WARN and 'compiling' in pace.message
-    driver.released.set()
+    driver.released[False].set()
     driver.spin_until(lambda: messages[-1].status[0].level == DiagnosticStatus.OK)
     assert len(messages[-1].status) == 3
 
@@ -173,8 +184,78 @@ def test_a_start_time_holds(slow):
         assert driver.simulation.time == pytest.approx(simulated, abs=2 * driver.simulation.dt)
 
 
-def test_the_node_ends_where_they_cannot_be_compiled():
-    done = subprocess.run([sys.executable, '-c', FAILS], capture_output=True, text=True,
+def test_contacts_begin_when_they_can_be_recorded(slow):
+    """Time does not wait for the kernels that record them; a step asked for is refused."""
+    driver, messages = slow(LYING), []
+    driver.peer.create_subscription(MarkerArray, NODE + '/contacts', messages.append, 50)
+    driver.spin_until(lambda: driver.outputs._contacts.get_subscription_count())
+    driver.released[False].set()
+    driver.spin_until(lambda: driver.node._ready)
+    driver.run(0.5)
+    assert driver.simulation.time == pytest.approx(0.5, abs=driver.simulation.dt)
+    assert driver.simulation.counters['contacts'] > 100
+    assert not driver.simulation.record_contacts
+    driver.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
+    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
+    assert not answer.success and 'compiled' in answer.message
+    assert not any(shows_contacts(message) for message in messages)
+    release(driver)
+    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
+    driver.spin_until(lambda: shows_contacts(messages[-1]))
+
+
+def shows_contacts(message):
+    return any(marker.action == Marker.ADD and marker.points for marker in message.markers)
+
+
+@pytest.mark.parametrize('failing', [['contacts', 'none'], ['contacts']], ids=str)
+def test_the_node_ends_where_they_cannot_be_compiled(failing):
+    """All of them, or those that record contacts, when time has begun already."""
+    done = subprocess.run([sys.executable, '-c', FAILS, *failing], capture_output=True, text=True,
                           timeout=DEADLINE)
     assert done.returncode == 1 and 'Traceback' not in done.stderr
     assert done.stderr.strip().endswith('collision_sim_node: no machine code today')
+
+
+def test_help_comes_if_it_takes_long(monkeypatch):
+    """A process has played poses before they are played here, and recorded contacts likewise."""
+    monkeypatch.setattr(warm_up, 'LONG', 0.0)
+    steps, order, wait = warm_up._step, [], warm_up._wait_for
+
+    def step(scene, ledger, contacts):
+        while not helpers:
+            time.sleep(0.01)
+        order.append(contacts)
+        return steps(scene, ledger, contacts)
+
+    def start(*what):
+        helpers.append(start_helper(*what))
+        return helpers[-1]
+
+    def wait_for(each):
+        wait(each)
+        order.append('waited')
+
+    helpers, start_helper = [], warm_up.start_helper
+    for name, function in (('_step', step), ('start_helper', start), ('_wait_for', wait_for)):
+        monkeypatch.setattr(warm_up, name, function)
+    seconds = warm_up.warm_up(Scene.from_dict(PADDLE), False, False)
+    assert all(future.result(DEADLINE) > 0.0 for future in seconds.values())
+    assert order == [False, 'waited', 'waited', True]
+    assert helpers[0].wait(DEADLINE) == 0
+
+
+def test_a_helper_says_what_it_has_done():
+    helper = warm_up.start_helper(Scene.from_dict(PADDLE), False, True)
+    assert [helper.stdout.readline() for _ in range(3)] == [b'poses\n', b'steps\n', b'']
+    helper.communicate()
+    assert helper.returncode == 0
+
+
+def test_a_helper_ends_with_who_has_started_it(monkeypatch, tmp_path):
+    """Long before it has compiled all."""
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    helper = warm_up.start_helper(Scene.from_dict(PADDLE), False, True)
+    helper.stdin.close()
+    assert helper.stdout.read() == b''
+    assert helper.wait(DEADLINE) == 0

@@ -36,7 +36,8 @@ import rclpy
 from collision_sim import load_scene
 from collision_sim.ros import node, warm_up
 
-warm_up.warm_up(load_scene('demo'), False).result()     # the process ends by itself
+for kernels in warm_up.warm_up(load_scene('demo'), False, False).values():
+    kernels.result()        # the process ends by itself
 for k in range(2):
     stopped = []
     threading.Timer(2.0, stopped.append, [signal.SIGINT]).start()
