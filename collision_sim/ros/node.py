@@ -27,7 +27,8 @@ import time
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.outputs import Outputs
-from collision_sim.ros.parameters import declare_fixed, declare_values, LiveParameters
+from collision_sim.ros.parameters import (declare_fixed, declare_values, LiveParameters,
+                                          warn_of_unknown)
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
@@ -70,6 +71,7 @@ class CollisionSimNode(SturdyNode):
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
         self._live = LiveParameters(self, self._simulation, self._change)
+        warn_of_unknown(self)
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
                                         self._poses, self._outputs, self._live.refused)
         self._start_ticking()

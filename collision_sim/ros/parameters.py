@@ -152,6 +152,13 @@ def declare_values(node, scene):
     return scene.with_parameters(together)
 
 
+def warn_of_unknown(node):
+    """Log which parameters were given at the start that the node, all declared, does not have."""
+    unknown = [name for name in node._parameter_overrides if not node.has_parameter(name)]
+    if unknown:
+        node.get_logger().warning('no such parameters: %s' % ', '.join(sorted(unknown)))
+
+
 def _same(value, other):
     return list(value) == list(other) if isinstance(other, list) else value == other
 

@@ -107,6 +107,16 @@ def test_bad_values_at_the_start_are_errors(drive, name, value, error):
             drive(SCENE, **{name: value})
 
 
+def test_unknown_values_at_the_start_are_warned_of(drive, capfd):
+    """Nothing else would tell of a slip; what the node has, QoS included, is not mentioned."""
+    qos = {'qos_overrides./collision_sim/particles.publisher.depth': 3}
+    drive(SCENE, publish_rat=10.0, colliders__wal__restitution=0.5, restitution=0.25, **qos)
+    printed = capfd.readouterr().err
+    assert 'no such parameters: colliders.wal.restitution, publish_rat\n' in printed
+    drive(SCENE, restitution=0.25, **qos)
+    assert 'no such parameters' not in capfd.readouterr().err
+
+
 # --- services --------------------------------------------------------------------------------
 
 
