@@ -98,7 +98,8 @@ def contact_lines(contacts, most):
     point, normal, impulse, state = (
         np.concatenate([getattr(one, name) for one in contacts])[::every]
         for name in ('point', 'normal', 'impulse', 'state'))
-    size = np.minimum(LENGTH * np.sqrt(np.square(impulse).sum(axis=1)), LONGEST)
+    with np.errstate(over='ignore'):
+        size = np.minimum(LENGTH * np.sqrt(np.square(impulse).sum(axis=1)), LONGEST)
     end = point + size[:, None] * normal
     finite = np.isfinite(point).all(axis=1) & np.isfinite(end).all(axis=1)
     return point[finite], end[finite], state[finite]

@@ -151,7 +151,8 @@ class Viewer:
 
     def _show_particles(self, simulation):
         position = simulation.position
-        speed = np.sqrt(np.square(simulation.velocity).sum(axis=1))
+        with np.errstate(over='ignore'):
+            speed = np.sqrt(np.square(simulation.velocity).sum(axis=1))
         shown = (np.abs(position).max(axis=1) <= FAR) & np.isfinite(speed)  # False for NaN
         if not shown.all():
             position, speed = position[shown], speed[shown]

@@ -19,7 +19,8 @@ import sys
 import time
 
 import collision_sim as cs
-from collision_sim.appearance import SPEED_COLORS, speed_colors, STATE_COLORS
+from collision_sim.appearance import (contact_lines, LENGTH, LONGEST, SPEED_COLORS, speed_colors,
+                                      STATE_COLORS)
 from collision_sim.core.rules import COLLISION
 from collision_sim.viewer import Viewer
 from collision_sim.viewer_panel import Pace, readings
@@ -148,11 +149,13 @@ def test_particles_are_where_they_are_and_coloured_by_speed(show):
     assert node['point_size'] == pytest.approx(0.1)
 
 
+@pytest.mark.filterwarnings('error')
 def test_a_particle_that_is_not_finite_is_left_out(show):
-    sim = simulation(position=[[0, 0, z] for z in (8, 9, 10, 11)])
+    sim = simulation(position=[[0, 0, z] for z in (8, 9, 10, 11, 12)])
     sim.position[1] = np.nan, 0.0, 0.0
     sim.position[2] = 1e30, 0.0, 0.0
     sim.velocity[3] = 0.0, np.inf, 0.0
+    sim.velocity[4] = 0.0, 1e200, 0.0
     viewer = show(sim)
     node = Client(viewer.url).node('/particles')
     np.testing.assert_array_equal(node['points'], [0.0, 0.0, 8.0])
@@ -297,6 +300,16 @@ def test_a_port_that_is_taken(show):
 
 
 # ------------------------------------------------------------------------ parts
+
+
+@pytest.mark.filterwarnings('error')
+def test_contact_lines_are_no_longer_than_shown():
+    """Whatever the impulse; without one they have no length."""
+    contacts = simulation().contacts._replace(
+        point=np.zeros((3, 3)), normal=np.tile([0.0, 0.0, 1.0], (3, 1)),
+        impulse=np.array([[0, 0, 0], [0, 0.3, 0.4], [0, 0, 1e300]]), state=np.ones(3, int))
+    _, end, _ = contact_lines([contacts], 10)
+    np.testing.assert_allclose(end[:, 2], [0.0, 0.5 * LENGTH, LONGEST])
 
 
 def test_speed_colors_go_from_dark_to_light():
