@@ -22,7 +22,11 @@ import sys
 
 import collision_sim
 from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.shapes import signed_distance
+from numba import njit, types
+import numpy as np
 import pytest
+from small_scenes import box, simulate, sphere
 
 RADIUS = 'from collision_sim.core.shapes import sphere; print(sphere((0.0, 3.0, 4.0), 1.0)[0])'
 
@@ -95,6 +99,23 @@ def four_times(x):
 def test_what_an_inlined_kernel_calls_is_not_inlined_by_force():
     """Else one decorator may double the time that compiling takes."""
     assert four_times(1.5) == 6.0
+    for function in (doubled, quadrupled):      # else they are in the cache only
+        function.compile((types.float64,))
     forced = [[result.fndesc.inline for result in function.overloads.values()]
               for function in (doubled, quadrupled, four_times)]
     assert forced == [[False], [True], [False]]
+
+
+@njit
+def height(present, table, poses, point):
+    """Call a kernel of the simulation's from a function that is none of its entries."""
+    return signed_distance(present, table, poses, 0, 0, point)[0]
+
+
+@pytest.mark.jit
+def test_kernels_of_an_entry_are_its_own():
+    """Others get theirs, though LLVM may have changed how those of an entry are called."""
+    balls = [sphere(0.1, (k, 5.0, 0.0), f'ball_{k}') for k in range(12)]
+    sim = simulate([box((1.0, 2.0, 3.0)), *balls], np.array([[0.0, 0.0, 2.0]]))
+    sim.step()
+    assert height(sim._rules.present, sim._table, sim._colliders.now, (0.0, 4.0, 5.5)) == 5.0

@@ -67,22 +67,41 @@ class PartLibrary(JITCodeLibrary):
         super()._finalize_final_module()
 
 
-class PartCompiler(Compiler):
-    """Numba's pipeline, into a PartLibrary."""
+class EntryLibrary(JITCodeLibrary):
+    """
+    Code of an entry, with that of all kernels it uses.
 
-    def define_pipelines(self):
-        """Give the passes, once it is known what they work on."""
-        state = self.state
-        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-        return super().define_pipelines()
+    Nobody else calls this copy of theirs, so LLVM may leave out what they are handed for nothing:
+    an array is handed over as eight words, of which most kernels use one or two. They are private,
+    not internal: by its name the linker of the JIT would find them for callers elsewhere, too.
+    """
+
+    def _optimize_final_module(self):
+        """Optimise, once it is known that nobody else calls the kernels."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
+                function.linkage = 'private'
+        super()._optimize_final_module()
+
+
+def _compiler_into(library):
+    """Give Numba's pipeline into a library of a class."""
+    class Into(Compiler):
+        def define_pipelines(self):
+            """Give the passes, once it is known what they work on."""
+            state = self.state
+            state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.library.enable_object_caching()
+            return super().define_pipelines()
+    return Into
 
 
 # What is not said here is as in the function whose call compiles this one first.
 LAW = {'error_model': 'numpy', 'forceinline': False}
 FORMULA = {**LAW, '_nrt': False}
+ENTRY = {**LAW, 'nogil': True, 'pipeline_class': _compiler_into(EntryLibrary)}
 KERNEL = {**FORMULA, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True,
-          'pipeline_class': PartCompiler}
+          'pipeline_class': _compiler_into(PartLibrary)}
 
 
 def _sources():
@@ -132,7 +151,7 @@ WORD = 64               # bits
 SOURCES = _sources()
 law = _compiled(LAW)
 formula = _compiled(FORMULA)
-entry = _compiled({**LAW, 'nogil': True})
+entry = _compiled(ENTRY)
 kernel = _compiled(KERNEL)
 inlined = _compiled({**KERNEL, 'forceinline': True})
 
