@@ -30,7 +30,8 @@ from collision_sim.core.rotation import quaternion
 from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
 
-MOST_AHEAD, AHEAD = 1024, 32    # steps that are laid out at once: most, and where they are scripts
+MOST_AHEAD, AHEAD = 1024, 128   # steps that are laid out at once: most, and where they are scripts
+MANY_AHEAD = 32                 # and most with a grid, which holds the colliders at all of them
 NORM_TOLERANCE = 1e-3           # how far from 1 the norm of an orientation may be
 
 
@@ -176,7 +177,7 @@ class Kinematics:
         tracks, self._tracks = self._tracks, []
         if not (tracks or self._moved.any() or self._exact):
             most = max(most, AHEAD)
-        steps = min([most, AHEAD if self._many else MOST_AHEAD,
+        steps = min([most, MANY_AHEAD if self._many else MOST_AHEAD,
                      *(len(some.poses) for some in tracks)])
         now, self.row = self.now.copy(), 0
         new = len(self.poses) != steps + 1 or self.motion is None

@@ -126,7 +126,7 @@ class Simulation:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self._ledger = self._books.ledger(scene) if self._books else None
-        self._plan = None
+        self._planned = None        # for which layout of the colliders there is a crew
         self.scene = scene
 
     def _part(self, scene):
@@ -313,12 +313,12 @@ class Simulation:
         """Take n steps of dt and, if that is more than 0, one of the duration `rest` [s]."""
         if self._books:
             self._books.begin(self._x, self._v)
-        dt = self.dt
+        dt, colliders = self.scene.stepping.dt, self._colliders
         while n > 0 and dt > 0.0:
             first = self._count if self._since == 0.0 else self.time / dt
-            steps = self._colliders.lay_out(n, first, dt)
+            steps = colliders.lay_out(n, first, dt)
             self._move_particles(steps, dt, self._rules)
-            self._colliders.go_on(steps)
+            colliders.go_on(steps)
             self._count += steps
             n -= steps
         if rest > 0.0:
@@ -334,27 +334,28 @@ class Simulation:
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
         if self.record_contacts != (self._log is not None):
-            rows = self._block * min(len(self._table), MOST_CONTACTS)
-            self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts \
-                else None
-            self._plan = None
-        threads, colliders = self._threads, self._colliders
+            self._lay_out_log()
+        colliders = self._colliders
         if self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
-            share(step_events, threads if len(self._accounts) > 1 else 1, rules, self._forces, dt,
-                  steps, self._table, colliders.poses, colliders.motion, colliders.courses,
-                  self._radius, self._log, self._accounts, self._notes, self._x, self._v,
-                  self._ledger)
-            return
-        if self._coupling is not None:
+            share(step_events, self._threads if len(self._accounts) > 1 else 1, rules,
+                  self._forces, dt, steps, self._table, colliders.poses, colliders.motion,
+                  colliders.courses, self._radius, self._log, self._accounts, self._notes, self._x,
+                  self._v, self._ledger)
+        elif self._coupling is not None:
             self._coupling.step(self._parts(rules, colliders.poses, colliders.motion), steps,
-                                colliders.row, threads)
-            return
-        if self._plan is None or self._laid_out != colliders.laid_out:
-            self._plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
-            self._crew = Crew(step_blocks, self._plan)
-            self._laid_out = colliders.laid_out
-        self._crew.run(threads, len(self._accounts), steps, colliders.row)
+                                colliders.row, self._threads)
+        else:
+            if self._planned != colliders.laid_out:
+                plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
+                self._crew, self._planned = Crew(step_blocks, plan), colliders.laid_out
+            self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
+
+    def _lay_out_log(self):
+        """Make room for the contacts of a step, or need none."""
+        rows = self._block * min(len(self._table), MOST_CONTACTS)
+        self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts else None
+        self._planned = None
 
     def _parts(self, rules, poses, motion):
         """Give what a plan is made of."""

@@ -250,20 +250,25 @@ class Crew:
             How many, and what to do.
 
         """
-        if self._generation != _generation:
-            self._recruited, self._generation = 0, _generation
-        threads = 1 if config.DISABLE_JIT else min(threads, pieces)
-        while self._recruited < threads - 1:
-            self._recruited += 1
-            _call_helpers(threads - 1)
-            _jobs.put((self._attend, self._counters, ()))
-            _posted[0] += 1
+        helpers = (threads if threads < pieces else pieces) - 1
+        if self._recruited < helpers or self._generation != _generation:
+            self._recruit(helpers)
         if not self._function(self._job, pieces, first, second, LOOKS, *self._args):
             try:
                 self._wait(pieces)
             except KeyboardInterrupt:       # what helpers have begun is finished first
                 self._wait(pieces)
                 raise
+
+    def _recruit(self, count):
+        """See to it that so many helpers attend, none without the compiler or from a parent."""
+        if self._generation != _generation:
+            self._recruited, self._generation = 0, _generation
+        while self._recruited < count and not config.DISABLE_JIT:
+            self._recruited += 1
+            _call_helpers(count)
+            _jobs.put((self._attend, self._counters, ()))
+            _posted[0] += 1
 
     def _wait(self, pieces):
         """Wait until the helpers are done, too."""
