@@ -33,8 +33,8 @@ def touching(table, poses, radius, x):
     present = shapes.Present(1, 1, 1, 1, 1, None)
     count, clear = x.shape[1], np.ones(x.shape[1] + WORD)
     found, distance = np.empty(count, dtype=np.int64), np.empty(count)
-    blocks.clear_of_others(None, present, table, poses, 0, blocks.NONE, radius, None, x[0], x[1],
-                           x[2], clear[:count], None)
+    blocks.clear_of_others(None, present, table, poses, 0, blocks.NONE, radius, None, None,
+                           x[0], x[1], x[2], clear[:count], None, None)
     n = blocks.collect(clear, count, found, 0)
     for i in range(count):
         point = (x[0, i], x[1, i], x[2, i])

@@ -15,7 +15,7 @@
 """Scenes of many colliders: a grid over them changes nothing but the time that a step takes."""
 
 from collision_sim import kinematics
-from collision_sim.core import broad_phase
+from collision_sim.core import broad_phase, nearby
 from numba import njit
 import numpy as np
 from numpy.testing import assert_array_equal
@@ -71,6 +71,32 @@ def test_same_bits_as_without_grid(monkeypatch, moving, radius, detection):
     assert grid.counters['collisions'] > 50
 
 
+@pytest.mark.jit
+@pytest.mark.parametrize('count', [12, 60])
+def test_same_bits_for_many_that_a_belt_moves(monkeypatch, count):
+    """Those on a plane are answered together, but not who may be pressed into something."""
+    random = np.random.default_rng(4)
+    belt = plane(motion={'linear_velocity': [6.0, 2.0, 0.0]})
+    colliders = [belt] + [
+        {'name': f'box_{k}', 'shape': 'box', 'size': [0.3, 0.3, 0.3],
+         'position': [*random.uniform(-4.0, 4.0, 2).tolist(), 0.0]} for k in range(count)]
+    places = random.uniform(-4.0, 4.0, (3000, 2))
+    away = [np.abs(places - c['position'][:2]).max(axis=1) > 0.16 for c in colliders[1:]]
+    position = np.column_stack([places, np.zeros(3000)])[np.all(away, axis=0)]
+    scene = {'colliders': colliders, 'position': position, 'stepping': {'dt': 1 / 30},
+             'friction': {'dry': 2.0}, 'restitution': 0.5}
+    with_grid = simulate(**scene)
+    monkeypatch.setattr(kinematics, 'in_grid', lambda table: [])
+    without = simulate(**scene)
+    for _ in range(20):
+        with_grid.step()
+        without.step()
+        assert_array_equal(with_grid.position, without.position)
+        assert_array_equal(with_grid.velocity, without.velocity)
+    assert with_grid.counters == without.counters
+    assert with_grid.counters['collisions'] > 100 and with_grid.counters['contacts'] > 30000
+
+
 def test_few_colliders_have_no_grid(monkeypatch):
     """What a scene does not need is absent."""
     grid, _ = simulations(monkeypatch, broad_phase.MANY - 1, 0, 0.0)
@@ -80,7 +106,7 @@ def test_few_colliders_have_no_grid(monkeypatch):
 @njit
 def cell_of(grid, x, y, z):
     """Call a kernel, which has no entry from Python."""
-    return broad_phase._cell_of(grid, x, y, z)
+    return nearby._cell_of(grid, x, y, z)
 
 
 def test_each_collider_is_in_the_cells_of_its_points():

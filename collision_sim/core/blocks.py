@@ -21,12 +21,12 @@ shapes.py or errs towards "may touch", and the few particles that may touch are 
 by one by response.py.
 """
 
-from collision_sim.core.broad_phase import (clear_in_grid, how_many, nth, others_of,
-                                            radius_at)
+from collision_sim.core.broad_phase import how_many, nth, radius_at
 from collision_sim.core.flight import affine, quadratic_factor
 from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch, select,
                                     widest_vectors, WORD)
 from collision_sim.core.lines import LINE
+from collision_sim.core.nearby import choose_for_tile, clear_in_grid
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 import numpy as np
 
@@ -317,8 +317,8 @@ def path_lengths(x, y, z, new, radius, lengths):
 
 
 @inlined
-def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear,
-                    cells):
+def clear_of_others(grid, present, table, poses, end, skip, radius, wide, margins, x, y, z, clear,
+                    cells, chosen):
     """
     Lower `clear` to how clear the particles of a block are of all colliders but meshes and one.
 
@@ -333,7 +333,9 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, 
     skip : int
         Collider that is left out, or NONE.
     radius : (B,) float64 [m] or None
-        Of the particles of the block; with sweeps also the length of their paths.
+        Of the particles of the block; more where they may touch colliders further away.
+    wide : int or None
+        1 if it may be more.
     margins : (C,) float64 [m] or None
         With sweeps, how far each collider came.
     x, y, z : (B,) float64 [m]
@@ -342,20 +344,24 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, margins, x, 
         Negative afterwards where a particle may touch a collider; NaN stays.
     cells : (B,) float64, as long as WORD divides
         Scratch.
+    chosen : (C,) int64
+        Scratch.
 
     """
-    chosen = others_of(grid)
-    _clear_planes(present.planes, table, poses[end], chosen, skip, radius, margins, x, y, z,
+    which, all_chosen = choose_for_tile(grid, wide, radius, x, y, z, chosen)
+    _clear_planes(present.planes, table, poses[end], which, skip, radius, margins, x, y, z,
                   clear)
-    _clear_spheres(present.spheres, table, poses[end], chosen, skip, radius, margins, x, y, z,
+    _clear_spheres(present.spheres, table, poses[end], which, skip, radius, margins, x, y, z,
                    clear)
-    _clear_boxes(present.boxes, table, poses[end], chosen, skip, radius, margins, x, y, z,
+    _clear_boxes(present.boxes, table, poses[end], which, skip, radius, margins, x, y, z,
                  clear)
-    _clear_capsules(present.capsules, table, poses[end], chosen, skip, radius, margins, x, y, z,
+    _clear_capsules(present.capsules, table, poses[end], which, skip, radius, margins, x, y, z,
                     clear)
-    _clear_cylinders(present.cylinders, table, poses[end], chosen, skip, radius, margins, x, y, z,
+    _clear_cylinders(present.cylinders, table, poses[end], which, skip, radius, margins, x, y, z,
                      clear)
-    clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, cells)
+    if not all_chosen:
+        clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins, x, y, z,
+                      clear, cells)
 
 
 @inlined

@@ -15,20 +15,18 @@
 """
 Broad phase: of many colliders, those that a particle may be near.
 
-A grid lists for each of its cells the colliders whose bounding boxes reach into it; a particle is
-tested against those of its own cell only. Planes, meshes and shapes that particles are kept inside
-of are not in it, nor is anything in scenes of few colliders: these are tested without a grid.
+A grid lists for each of its cells the colliders whose bounding boxes reach into it, for nearby.py
+to find those of a particle or of a tile of them. Planes, meshes and shapes that particles are kept
+inside of are not in it, nor is anything in scenes of few colliders: these are tested without one.
 """
 
 from math import ceil, inf, prod, sqrt
 from typing import NamedTuple
 
-from collision_sim.core.jit import (formula, inlined, kernel, not_clear, select,
-                                    widest_vectors, WORD)
+from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.motion import SHIFT, TURN
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE,
-                                       signed_distance, SIZE, SPHERE)
-from collision_sim.core.vectors import dot, EPSILON, length, origin, subtract
+from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
+from collision_sim.core.vectors import EPSILON, length
 import numpy as np
 
 MANY = 8                        # colliders; for fewer a grid brings nothing
@@ -145,7 +143,7 @@ def most_move(motion, step, table):
 
 
 @kernel
-def _cell(low, per_metre, count, x):
+def cell_along(low, per_metre, count, x):
     """Cell along one axis in which a coordinate is; the outermost ones go on for ever."""
     k = (x - low) * per_metre
     return int(k) if 0.0 < k < count - 1.0 else (0 if k < 1.0 else count - 1)
@@ -158,12 +156,12 @@ def _fill(grid, lows, highs, which, fills):
     for m in range(which.shape[0]):
         c = which[m]
         first, last = (0, 0, 0), (0, 0, 0)
-        first = (_cell(grid.low[0], grid.per_metre[0], nx, lows[c, 0]),
-                 _cell(grid.low[1], grid.per_metre[1], ny, lows[c, 1]),
-                 _cell(grid.low[2], grid.per_metre[2], grid.counts[2], lows[c, 2]))
-        last = (_cell(grid.low[0], grid.per_metre[0], nx, highs[c, 0]),
-                _cell(grid.low[1], grid.per_metre[1], ny, highs[c, 1]),
-                _cell(grid.low[2], grid.per_metre[2], grid.counts[2], highs[c, 2]))
+        first = (cell_along(grid.low[0], grid.per_metre[0], nx, lows[c, 0]),
+                 cell_along(grid.low[1], grid.per_metre[1], ny, lows[c, 1]),
+                 cell_along(grid.low[2], grid.per_metre[2], grid.counts[2], lows[c, 2]))
+        last = (cell_along(grid.low[0], grid.per_metre[0], nx, highs[c, 0]),
+                cell_along(grid.low[1], grid.per_metre[1], ny, highs[c, 1]),
+                cell_along(grid.low[2], grid.per_metre[2], grid.counts[2], highs[c, 2]))
         for z in range(first[2], last[2] + 1):
             for y in range(first[1], last[1] + 1):
                 for x in range(first[0], last[0] + 1):
@@ -215,198 +213,3 @@ def make_grid(which, table, poses, motion, reach):
     starts[1:] = starts[:-1]
     starts[0] = 0
     return grid
-
-
-@kernel
-def _range(grid, axis, x, reach):
-    """First and last cell along an axis within reach [m] of a coordinate."""
-    low, per_metre, count = grid.low[axis], grid.per_metre[axis], grid.counts[axis]
-    return (_cell(low, per_metre, count, x - reach), _cell(low, per_metre, count, x + reach))
-
-
-@kernel
-def _apart(grid, x, y, z, reach):
-    """Whether a point is further than reach [m] from the whole grid."""
-    return (x + reach < grid.low[0] or x - reach > grid.high[0]
-            or y + reach < grid.low[1] or y - reach > grid.high[1]
-            or z + reach < grid.low[2] or z - reach > grid.high[2])
-
-
-@kernel
-def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, x, y, z):
-    """Least distance [m] of a point to the colliders of a cell, less its own."""
-    clear = 1.0
-    for m in range(grid.starts[cell], grid.starts[cell + 1]):
-        c = grid.items[m]
-        if c != skip:
-            phi = signed_distance(present, table, poses, end, c, (x, y, z))[0]
-            clear = min(clear, phi - near - _margin_at(margins, c))
-    return clear
-
-
-@inlined
-def _margin_at(margins, c):
-    if margins is not None:
-        return margins[c]
-    return 0.0
-
-
-@kernel
-def _mark_inside(grid, x, y, z, marks):
-    """Write -1 to marks (B,) for the particles of a tile inside the grid, 1 for the others."""
-    widest_vectors()
-    (lx, ly, lz), (hx, hy, hz) = grid.low, grid.high
-    for i in range(x.shape[0]):
-        inside = ((x[i] >= lx) & (x[i] <= hx) & (y[i] >= ly) & (y[i] <= hy) & (z[i] >= lz)
-                  & (z[i] <= hz))
-        marks[i] = select(inside, -1.0, 1.0)
-
-
-@inlined
-def _cell_of(grid, x, y, z):
-    """Give the number of the cell that a point inside the grid is in."""
-    (lx, ly, lz), (px, py, pz), (nx, ny, nz) = grid.low, grid.per_metre, grid.counts
-    return _cell(lx, px, nx, x) + nx * (_cell(ly, py, ny, y) + ny * _cell(lz, pz, nz, z))
-
-
-@kernel
-def _clear_on_way(grid, present, table, poses, end, skip, reach, near, margins, x, y, z):
-    """Least distance [m], as `_clear_in_cell`, over the cells within reach [m] of a point."""
-    clear, nx, ny = 1.0, grid.counts[0], grid.counts[1]
-    if _apart(grid, x, y, z, reach):
-        return clear
-    fx, lx = _range(grid, 0, x, reach)
-    fy, ly = _range(grid, 1, y, reach)
-    fz, lz = _range(grid, 2, z, reach)
-    for cz in range(fz, lz + 1):
-        for cy in range(fy, ly + 1):
-            for cx in range(fx, lx + 1):
-                clear = min(clear, _clear_in_cell(grid, cx + nx * (cy + ny * cz), present, table,
-                                                  poses, end, skip, near, margins, x, y, z))
-    return clear
-
-
-@kernel
-def clear_in_grid(grid, present, table, poses, end, skip, radius, margins, x, y, z, clear, marks):
-    """
-    Lower `clear` for the particles of a block that may touch a collider in the grid.
-
-    Parameters
-    ----------
-    grid : Grid or None
-        None where there is none.
-    present, table, poses
-        As in shapes.signed_distance.
-    end : int
-        Row of poses at the end of the step.
-    skip : int
-        Collider that is left out.
-    radius, margins, x, y, z, clear
-        As in blocks.clear_of_others.
-    marks : (B,) float64
-        Scratch, not used with margins; as long as WORD divides.
-
-    """
-    if grid is not None:
-        if margins is not None:
-            for i in range(x.shape[0]):
-                near = radius_at(radius, i)
-                if clear[i] >= 0.0:
-                    clear[i] = min(clear[i], _clear_on_way(
-                        grid, present, table, poses, end, skip, near, near, margins, x[i], y[i],
-                        z[i]))
-        else:
-            _mark_inside(grid, x, y, z, marks)
-            for first in range(0, x.shape[0], WORD):
-                if not_clear(marks, first) != 0:
-                    for i in range(first, min(first + WORD, x.shape[0])):
-                        if marks[i] < 0.0 and clear[i] >= 0.0:
-                            cell = _cell_of(grid, x[i], y[i], z[i])
-                            clear[i] = min(clear[i], _clear_in_cell(
-                                grid, cell, present, table, poses, end, skip, radius_at(radius, i),
-                                None, x[i], y[i], z[i]))
-
-
-@kernel
-def _insert(chosen, count, c):
-    """Insert a collider into the first `count` entries, ascending, once; the new count."""
-    m = count
-    while m > 0 and chosen[m - 1] > c:
-        m -= 1
-    if m > 0 and chosen[m - 1] == c:
-        return count
-    for k in range(count, m, -1):
-        chosen[k] = chosen[k - 1]
-    chosen[m] = c
-    return count + 1
-
-
-@kernel
-def _choose_in_grid(grid, x0, reach, chosen):
-    """Choose from the cells within reach [m] of a point; how many are chosen."""
-    count = 0
-    for m in range(grid.others.shape[0]):
-        count = _insert(chosen, count, grid.others[m])
-    if _apart(grid, x0[0], x0[1], x0[2], reach):
-        return count
-    fx, lx = _range(grid, 0, x0[0], reach)
-    fy, ly = _range(grid, 1, x0[1], reach)
-    fz, lz = _range(grid, 2, x0[2], reach)
-    for cz in range(fz, lz + 1):
-        for cy in range(fy, ly + 1):
-            for cx in range(fx, lx + 1):
-                cell = cx + grid.counts[0] * (cy + grid.counts[1] * cz)
-                for m in range(grid.starts[cell], grid.starts[cell + 1]):
-                    count = _insert(chosen, count, grid.items[m])
-    return count
-
-
-@kernel
-def _is_bounded(table, c):
-    """Whether particles outside a sphere around a collider are clear of it."""
-    kind = table[c, KIND]
-    return table[c, SIDE] > 0.0 and (
-        kind == SPHERE or kind == BOX or kind == CAPSULE or kind == CYLINDER)
-
-
-@kernel
-def _choose_one_by_one(table, poses, start, x0, reach, chosen):
-    """Choose by spheres around the colliders; how many are chosen."""
-    count = 0
-    for c in range(table.shape[0]):
-        limit = reach + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
-        arm = subtract(x0, origin(poses, start, c))
-        if not _is_bounded(table, c) or not dot(arm, arm) > limit * limit:
-            chosen[count] = c
-            count += 1
-    return count
-
-
-@kernel
-def choose(grid, table, poses, start, x0, reach, chosen):
-    """
-    Choose the colliders that a particle may touch in a step.
-
-    Parameters
-    ----------
-    grid, table, poses : Grid or None, (C, COLUMNS), (S, C, 12) float64
-        None where there is no grid; the colliders and their poses.
-    start : int
-        Row of poses at the start of the step.
-    x0 : (3,) tuple of float [m]
-        Start of the step.
-    reach : float [m]
-        How far from there anything of the step may happen, twice the moves of colliders included.
-    chosen : (C,) int64
-        Overwritten with their indices, ascending.
-
-    Returns
-    -------
-    count : int
-        How many are chosen.
-
-    """
-    if grid is not None:
-        if reach < grid.high[0] - grid.low[0] + grid.high[1] - grid.low[1]:
-            return _choose_in_grid(grid, x0, reach, chosen)
-    return _choose_one_by_one(table, poses, start, x0, reach, chosen)

@@ -35,8 +35,8 @@ from pathlib import Path
 from llvmlite import binding, ir
 from numba import config, njit, typeof, types
 from numba.core import cgutils
-from numba.core.codegen import JITCodeLibrary
 from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
@@ -87,6 +87,7 @@ class EntryLibrary(JITCodeLibrary):
 def _compiler_into(library):
     """Give Numba's pipeline into a library of a class."""
     class Into(Compiler):
+
         def define_pipelines(self):
             """Give the passes, once it is known what they work on."""
             state = self.state
@@ -179,6 +180,14 @@ if config.DISABLE_JIT:
         """Give a where the condition holds, else b."""
         return a if condition else b
 
+    def ordered(x):
+        """Give the number itself, which compares as it is."""
+        return x
+
+    def number_of(key):
+        """Give it back."""
+        return key
+
     def not_clear(array, index):
         """Give the entries from an index on that are negative or NaN, as WORD bits."""
         return sum((not array[index + k] >= 0.0) << k for k in range(WORD))
@@ -231,6 +240,31 @@ else:
         def generate(context, builder, signature, arguments):
             return builder.select(*arguments)
         return types.float64(types.boolean, types.float64, types.float64), generate
+
+    def _flipped(builder, bits):
+        """Give the bits of a number without its sign flipped where it is negative."""
+        word, sign = ir.IntType(WORD), WORD - 1
+        below = word((1 << sign) - 1)
+        return builder.xor(bits, builder.and_(builder.ashr(bits, word(sign)), below))
+
+    @intrinsic
+    def ordered(typing_context, x):
+        """
+        Give an int64 that compares with others as the number does; NaN is beyond the infinities.
+
+        Of a search for the smallest or largest integer LLVM makes vectors; of one for a number
+        it does not, since the order of the search would matter to NaN.
+        """
+        def generate(context, builder, signature, arguments):
+            return _flipped(builder, builder.bitcast(arguments[0], ir.IntType(WORD)))
+        return types.int64(types.float64), generate
+
+    @intrinsic
+    def number_of(typing_context, key):
+        """Give the number that is ordered by a key."""
+        def generate(context, builder, signature, arguments):
+            return builder.bitcast(_flipped(builder, arguments[0]), ir.DoubleType())
+        return types.float64(types.int64), generate
 
     @intrinsic
     def not_clear(typing_context, array, index):

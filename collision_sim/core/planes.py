@@ -209,7 +209,7 @@ def _rows(s, row, count):
 
 
 @kernel
-def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, cells):
+def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, cells, chosen):
     """
     Leave those particles to `resolve` that may touch a collider other than plane c.
 
@@ -222,7 +222,8 @@ def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, 
         x, y, z = _rows(s, PLACE, count)
         x1, y1, z1 = _rows(s, BETWEEN, count)
         near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
-        clear_of_others(grid, present, table, poses, end, c, near, None, x1, y1, z1, marks, cells)
+        clear_of_others(grid, present, table, poses, end, c, near, 1, None, x1, y1, z1, marks,
+                        cells, chosen)
         clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
                             marks, cells)
         for i in range(count):
@@ -286,30 +287,31 @@ def _keep(s, rows, count, unanswered, left):
 
 
 @inlined
-def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells):
+def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen):
     """Answer the particles of a chunk, in loops without branches."""
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
         _collide(rules, table, poses, motion, step, start, end, c, s, full)
-        _leave_if_near(grid, rules.present, table, poses, start, end, c, s, count, clear, cells)
+        _leave_if_near(grid, rules.present, table, poses, start, end, c, s, count, clear, cells,
+                       chosen)
     _press(rules, table, poses, motion, step, start, end, c, s, full)
 
 
 @kernel
 def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
-                  vy, vz, s, count, clear, cells, touching, unanswered, left):
+                  vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
     for i in range(count):
         s[_at(DONE, i)] = 0.0
     _leave_if_near(grid, rules.present, table, poses, here.start, here.end, c, s, count, clear,
-                   cells)
+                   cells, chosen)
     count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
     if _is_still(motion, here.step, c):
-        _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells)
+        _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells, chosen)
     else:
-        _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells)
+        _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen)
     count, left = _keep(s, ROWS, count, unanswered, left)
     hits, contacts = 0, 0
     for i in range(count):
@@ -326,7 +328,7 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
 
 @inlined
 def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
-                  vx, vy, vz, s, clear, cells, touching, held, unanswered, count):
+                  vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
@@ -346,7 +348,7 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         Candidates; overwritten where one is answered.
     s : (ROWS * CHUNK,) float64
         Scratch.
-    clear, cells : (TILE,) float64
+    clear, cells, chosen : (TILE,) float64, twice, and (C,) int64
         Scratch.
     touching : (BLOCK,) int64
         Particles that may touch something.
@@ -386,8 +388,9 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
             if taken == CHUNK:
                 left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
                                      accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
-                                     touching, unanswered, left)
+                                     chosen, touching, unanswered, left)
                 taken = 0
         count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
-                              y, z, vx, vy, vz, s, taken, clear, cells, touching, unanswered, left)
+                              y, z, vx, vy, vz, s, taken, clear, cells, chosen, touching,
+                              unanswered, left)
     return count

@@ -22,12 +22,13 @@ threads, and neither do results.
 
 from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,
                                        hold, NONE, path_lengths, place_block, take, TILE)
-from collision_sim.core.broad_phase import choose, most_move, radius_at
+from collision_sim.core.broad_phase import most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import entry, inlined, widest_vectors
 from collision_sim.core.lines import in_lines
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
+from collision_sim.core.nearby import choose
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
@@ -81,18 +82,19 @@ def _sweep_margins(sweep, motion, step, table, margins):
 
 
 @inlined
-def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, lengths, margins, clear):
+def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, lengths, margins, clear,
+           scratch, chosen):
     """Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends."""
     n = clear.shape[0]
     x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]
     if sweep is not None:
         paths = lengths[:n]
         path_lengths(x, y, z, new, radius, paths)
-        clear_of_others(grid, present, table, poses, end, NONE, paths, margins, x1, y1, z1, clear,
-                        lengths)
+        clear_of_others(grid, present, table, poses, end, NONE, paths, 1, margins, x1, y1, z1,
+                        clear, scratch, chosen)
     else:
-        clear_of_others(grid, present, table, poses, end, NONE, radius, None, x1, y1, z1, clear,
-                        lengths)
+        clear_of_others(grid, present, table, poses, end, NONE, radius, None, None, x1, y1, z1,
+                        clear, scratch, chosen)
 
 
 @inlined
@@ -107,8 +109,8 @@ def _take(lean, flight, x, y, z, vx, vy, vz, new):
 
 @inlined
 def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius,
-                     log, accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, touching,
-                     held, unanswered, count):
+                     log, accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
+                     touching, held, unanswered, count):
     """Answer those that touch a single plane together, unless they are few; how many are left."""
     for k in range(count):
         unanswered[k] = k
@@ -117,7 +119,7 @@ def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses
             if candidates is None and count >= TOGETHER:
                 return answer_planes(grid, rules, here, table, poses, motion, radius, log,
                                      accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells,
-                                     touching, held, unanswered, count)
+                                     chosen, touching, held, unanswered, count)
     return count
 
 
@@ -183,7 +185,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             _fly(lean, candidates, ledger, rules.flight, block, first + a, ahead, xt, yt, zt, ut,
                  vt, wt, new, scratch, ct)
             _clear(rules.sweep, grid, rules.present, table, poses, end, rt, xt, yt, zt, new,
-                   lengths, margins, ct)
+                   lengths, margins, ct, scratch, chosen)
             clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
                             end, rt, xt, yt, zt, new, ct, lengths)
             before, count = count, collect(clear, b - a, touching, count)
@@ -192,7 +194,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
         here = Here(step, start, end, block, first, 0.0, None)
         left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
                                 motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
-                                clear, lengths, touching, held, unanswered, count)
+                                clear, lengths, chosen, touching, held, unanswered, count)
         move = most_move(motion, step, table) if left > 0 else 0.0
         for n in range(left):
             k = unanswered[n]
