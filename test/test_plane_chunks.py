@@ -15,10 +15,12 @@
 """
 Particles that touch one plane are answered together (core/planes.py), as they would be one by one.
 
-With a ledger every particle is answered by itself, by core/response.py; both must agree bit for
-bit, in state, counters and contacts.
+Fewer than TOGETHER in a block are answered one by one, by core/response.py: so the same particles
+are also simulated in groups of fewer, and both must agree bit for bit, in state, counters and
+contacts.
 """
 
+from collision_sim.core.stepping import TOGETHER
 import numpy as np
 from numpy.testing import assert_array_equal
 import pytest
@@ -33,31 +35,41 @@ ROOM = [plane(), plane((0.6, 0.0, 0.8), (-1.0, 0.0, 0.0), 'slope'),
 THINGS = [sphere(0.5, (0.0, 0.0, 0.5)), box((1.0, 0.4, 0.6), (1.2, 0.0, 0.3))]
 
 
+def groups(position, velocity):
+    """Cut particles into groups that are too small to be answered together."""
+    return [(position[k:k + TOGETHER - 1], velocity[k:k + TOGETHER - 1])
+            for k in range(0, len(position), TOGETHER - 1)]
+
+
 def both_ways(colliders, moves=None, **scene):
-    """Give the scene with its particles answered together, and one by one."""
+    """Give the scene with its particles answered together, and in groups, one by one."""
     random = np.random.default_rng(5)
     position = random.uniform((-1.0, -1.0, 0.0), (2.0, 1.5, 0.5), (700, 3))
     position[:200, 2] = 0.0         # on the ground
     velocity = random.normal(0.0, 2.0, position.shape)
     velocity[:100] = 0.0
-    sims = [simulate(colliders, position, velocity, ledger=ledger, restitution=0.5, **scene)
-            for ledger in (False, True)]
+    together, *alone = [simulate(colliders, *state, restitution=0.5, **scene)
+                        for state in [(position, velocity), *groups(position, velocity)]]
     for step in range(60):
-        for sim in sims:
+        for sim in [together, *alone]:
             if moves:
                 sim.move_collider('ground', *moves(step / 240))
             sim.step()
-        yield sims
+        yield together, alone
 
 
-def assert_same(sims):
-    """Assert that two simulations agree in all they say."""
-    together, alone = sims
-    assert_array_equal(together.position, alone.position)
-    assert_array_equal(together.velocity, alone.velocity)
-    assert together.counters == alone.counters
-    for ours, theirs in zip(together.contacts, alone.contacts):
-        assert_array_equal(ours, theirs)
+def assert_same(together, alone):
+    """Assert that a simulation agrees with those of its groups in all they say."""
+    assert_array_equal(together.position, np.concatenate([sim.position for sim in alone]))
+    assert_array_equal(together.velocity, np.concatenate([sim.velocity for sim in alone]))
+    assert together.counters == {key: sum(sim.counters[key] for sim in alone)
+                                 for key in together.counters}
+    contacts = [sim.contacts for sim in alone]
+    firsts = np.cumsum([0, *(len(sim.position) for sim in alone[:-1])])
+    theirs = [np.concatenate(parts) for parts in zip(*contacts)]
+    theirs[0] += np.repeat(firsts, [len(found.particle) for found in contacts])
+    for found, expected in zip(together.contacts, theirs, strict=True):
+        assert_array_equal(found, expected)
 
 
 @pytest.mark.jit
@@ -66,7 +78,7 @@ def assert_same(sims):
 def test_together_as_one_by_one(colliders, friction):
     """Rest, slides and bounces on planes, beside other colliders."""
     for sims in both_ways(colliders, friction=friction):
-        assert_same(sims)
+        assert_same(*sims)
 
 
 @pytest.mark.jit
@@ -76,7 +88,7 @@ def test_together_on_moving_planes(radius):
     ground = plane(motion=TURNING, name='ground')
     for sims in both_ways([ground, *ROOM[1:]], friction={'dry': 0.3},
                           particles={'radius': radius}):
-        assert_same(sims)
+        assert_same(*sims)
 
 
 @pytest.mark.jit
@@ -87,7 +99,7 @@ def test_together_on_a_plane_that_is_moved():
         return (0.1 * time, 0.0, height), (0.0, 0.0, 0.0, 1.0)
 
     for sims in both_ways(ROOM + THINGS, moves, friction={'dry': 0.3}):
-        assert_same(sims)
+        assert_same(*sims)
 
 
 @pytest.mark.jit
@@ -107,16 +119,16 @@ def test_together_beside_meshes(radius, tmp_path):
         touched = set()
         for sims in both_ways([ROOM[0], *things[:count]], friction={'dry': 0.3},
                               particles={'radius': radius}):
-            assert_same(sims)
+            assert_same(*sims)
             touched.update(sims[0].contacts.collider.tolist())
         assert touched >= {0, 1, 2}
 
 
 def test_extreme_slips_are_answered_one_by_one():
     """Slips whose squares under- or overflow: the size is that of vectors.length."""
-    velocity = np.array([[1e-170, 0.0, 0.0], [1e170, 0.0, -1.0], [1e-300, 1e-300, -1e-9]])
-    sims = [simulate([plane()], np.zeros((3, 3)), velocity, friction={'dry': 0.5}, ledger=ledger)
-            for ledger in (False, True)]
-    for sim in sims:
+    velocity = np.repeat([[1e-170, 0.0, 0.0], [1e170, 0.0, -1.0], [1e-300, 1e-300, -1e-9]], 10, 0)
+    together, *alone = [simulate([plane()], *state, friction={'dry': 0.5}) for state in [
+        (np.zeros((30, 3)), velocity), *groups(np.zeros((30, 3)), velocity)]]
+    for sim in [together, *alone]:
         sim.step(3)
-    assert_same(sims)
+    assert_same(together, alone)
