@@ -14,6 +14,7 @@
 
 """Strictness for every test; it has to be set before Numba and the messages are imported."""
 
+import gc
 import hashlib
 import os
 from pathlib import Path
@@ -35,6 +36,10 @@ def _fresh_kernels():
     state = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()
     return ROOT / '.pytest_cache' / 'numba' / state[:16]
 
+
+# To compile makes millions of objects that stay; to look through them again and again for garbage
+# takes a tenth of the time.
+gc.set_threshold(50000, 20, 100)
 
 # Without it a message takes a value of a wrong type and sends 5e-324 in its place.
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'

@@ -20,13 +20,13 @@ the rates of both, by powers of time. Quaternions are x, y, z, w; rotation vecto
 angle) and twists are in the world frame.
 """
 
-from collision_sim.core.jit import law
+from collision_sim.core.jit import counted
 from collision_sim.core.rotation import (cross, exponential, product, TINY, turn_between,
                                          vector_rate)
 import numpy as np
 
 
-@law
+@counted
 def twist_at(stamps, positions, orientations, i):
     """
     Twist at pose i from the polynomial through all.
@@ -75,7 +75,7 @@ def twist_at(stamps, positions, orientations, i):
     return twist
 
 
-@law
+@counted
 def cubic(position, first, second, third):
     """Cubic from a position (3,) on, with the powers 1 to 3 of time, (6,) each."""
     table = np.zeros((12, 4))
@@ -87,7 +87,7 @@ def cubic(position, first, second, third):
     return table
 
 
-@law
+@counted
 def cubic_between(position, orientation, twist, end_position, end_orientation, end_twist, h):
     """Cubic from pose and twist to pose and twist, h seconds later."""
     chord, rate = np.empty(6), np.empty(6)
@@ -100,7 +100,7 @@ def cubic_between(position, orientation, twist, end_position, end_orientation, e
                  (twist + rate - 2.0 * chord) / h ** 2)
 
 
-@law
+@counted
 def play(table, start, orientation, times, first, last, out):
     """
     Write values of a cubic to the columns first to last of out.
@@ -133,7 +133,7 @@ def play(table, start, orientation, times, first, last, out):
         out[10:, n] += a * across + b * cross(value[3:6], across)
 
 
-@law
+@counted
 def turned(orientation, vector):
     """Orientation (4,) after a turn by a rotation vector (3,)."""
     return product(exponential(vector)[0], orientation)

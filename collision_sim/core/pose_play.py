@@ -22,7 +22,7 @@ the curve ends so far; the next cubic begins there. Those before are not needed 
 from math import inf, nan, sqrt
 from typing import NamedTuple
 
-from collision_sim.core.jit import law
+from collision_sim.core.jit import counted, law
 from collision_sim.core.pose_curve import cubic, cubic_between, play, turned, twist_at
 from collision_sim.core.rotation import turn_between
 import numpy as np
@@ -139,7 +139,7 @@ def play_curve(curve, bounds, times, out, teleport):
     _drop(curve, max(curve.counts[USED] - BEFORE, 0))
 
 
-@law
+@counted
 def _note_teleport(marks, times, teleport):
     """Flag the first time at or after a teleport, if it is one of these."""
     if marks[JUMP] <= times[-1]:
@@ -147,7 +147,7 @@ def _note_teleport(marks, times, teleport):
         marks[JUMP] = nan
 
 
-@law
+@counted
 def _drop(curve, count):
     """Forget the oldest poses."""
     poses, counts = curve.poses, curve.counts
@@ -161,24 +161,24 @@ def _drop(curve, count):
         restart(curve)
 
 
-@law
+@counted
 def _length(vector):
     return sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
-@law
+@counted
 def _way(before, after):
     """Shift (3,) from one pose or knot to another."""
     return after[POSITION:ORIENTATION] - before[POSITION:ORIENTATION]
 
 
-@law
+@counted
 def _turn(before, after):
     """Rotation vector (3,) from one pose or knot to another."""
     return turn_between(before[ORIENTATION:PLACED], after[ORIENTATION:PLACED])
 
 
-@law
+@counted
 def _is_teleport(poses, n, bounds):
     """Whether pose n cannot be a motion from the one before."""
     gap = poses[n, STAMP] - poses[n - 1, STAMP]
@@ -196,7 +196,7 @@ def _is_teleport(poses, n, bounds):
     return far > farthest or wide > bounds.teleport_angle
 
 
-@law
+@counted
 def _start(curve, time):
     """Begin the curve at the newest pose before a time, or stand still until the first."""
     used = curve.counts[KEPT] - 1
@@ -210,7 +210,7 @@ def _start(curve, time):
         curve.knot[POSITION:ORIENTATION], np.zeros(6), np.zeros(6), np.zeros(6)))
 
 
-@law
+@counted
 def _append(curve, start, table):
     """Go on with a cubic that leaves the end of the curve at a time."""
     curve.times[START] = start
@@ -218,7 +218,7 @@ def _append(curve, start, table):
     curve.cubic[:] = table
 
 
-@law
+@counted
 def _extend(curve, bounds, until):
     """Add the next piece of the curve; it coasts no longer than to `until`."""
     poses, counts, knot = curve.poses, curve.counts, curve.knot
@@ -239,7 +239,7 @@ def _extend(curve, bounds, until):
         _catch_up(curve, bounds, following)
 
 
-@law
+@counted
 def _catch_up(curve, bounds, following):
     """Lead the curve back to the poses, or to where the newest one would be by then."""
     poses, counts, knot = curve.poses, curve.counts, curve.knot
@@ -258,7 +258,7 @@ def _catch_up(curve, bounds, following):
         _lead(curve, target, time)
 
 
-@law
+@counted
 def _lead(curve, target, time):
     """Add the cubic to a pose, or to where its twist leads by a later time."""
     pose, twist, end = curve.poses[target], _twist(curve, target), np.empty(PLACED + 6)
@@ -274,7 +274,7 @@ def _lead(curve, target, time):
     curve.counts[USED], curve.counts[ON_POSE] = target, time <= pose[STAMP]
 
 
-@law
+@counted
 def _coast(curve, bounds, until):
     """Go on with the last twist, but stand still from the time-out on."""
     limit, knot = curve.poses[curve.counts[USED], STAMP] + bounds.timeout, curve.knot
@@ -289,7 +289,7 @@ def _coast(curve, bounds, until):
     curve.counts[ON_POSE] = 0
 
 
-@law
+@counted
 def _jump(curve, target):
     """Place the collider at a pose that has arrived; late ones bring no twist."""
     pose, knot, counts = curve.poses[target], curve.knot, curve.counts
@@ -301,7 +301,7 @@ def _jump(curve, target):
     knot[STAMP] = curve.times[JUMP] = time
 
 
-@law
+@counted
 def _twist(curve, i):
     """Twist (6,) at pose i from the poses around it that no teleport parts from it."""
     poses, last = curve.poses, i
@@ -318,7 +318,7 @@ def _twist(curve, i):
                     around[:, ORIENTATION:PLACED], i - first)
 
 
-@law
+@counted
 def _move(knot, duration):
     """Move a knot on at its twist."""
     knot[STAMP] += duration

@@ -20,7 +20,7 @@ Row k of each array of such a Curve belongs to stream k.
 
 from math import isfinite
 
-from collision_sim.core.jit import law
+from collision_sim.core.jit import counted, law
 from collision_sim.core.pose_play import add_pose, Curve, KEPT, new_curve, play_curve, STAMP
 from collision_sim.core.pose_stream import FARTHEST, PoseStream, UNIT
 import numpy as np
@@ -36,7 +36,7 @@ def streams_of(curves):
     return [PoseStream(curve=Curve(*row)) for row in zip(*curves)]
 
 
-@law
+@counted
 def _curve(curves, k):
     """Curve of stream k, a view."""
     return Curve(curves.poses[k], curves.counts[k], curves.knot[k], curves.times[k],
@@ -81,14 +81,14 @@ def add_poses(curves, bounds, first, which, stamps, periods, poses, lengths):
     return len(which)
 
 
-@law
+@counted
 def _can_be(pose, length):
     """Whether numbers are a pose, as pose_stream.checked_pose says."""
     return (abs(pose[0]) <= FARTHEST and abs(pose[1]) <= FARTHEST and abs(pose[2]) <= FARTHEST
             and abs(length - 1.0) <= UNIT)
 
 
-@law
+@counted
 def _is_later(curve, stamp):
     """Whether a stamp is later than that of the newest pose, if there is one."""
     n = curve.counts[KEPT]
