@@ -219,12 +219,12 @@ else:
         """
         Ask for the cache line of an entry of an array that will soon be read and written.
 
-        The index may be beyond the array: nothing is read.
+        Entries are counted as they lie in memory, whatever the shape; the index may be beyond the
+        array: nothing is read.
         """
         def generate(context, builder, signature, arguments):
             entries = make_array(signature.args[0])(context, builder, arguments[0])
-            place = cgutils.get_item_pointer(context, builder, signature.args[0], entries,
-                                             [arguments[1]], wraparound=False)
+            place = builder.gep(entries.data, [arguments[1]])
             flag = ir.IntType(32)
             function = cgutils.get_or_insert_function(
                 builder.module, ir.FunctionType(ir.VoidType(), [place.type, flag, flag, flag]),

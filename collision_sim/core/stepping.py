@@ -21,18 +21,19 @@ threads, and neither do results.
 """
 
 from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect, gain_velocities,
-                                       hold, NONE, path_lengths, place_block, take, TILE)
+                                       hold, NONE, path_lengths, place_block, prefetch_row,
+                                       take, TILE)
 from collision_sim.core.broad_phase import most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
-from collision_sim.core.jit import entry, inlined, widest_vectors
-from collision_sim.core.lines import in_lines
+from collision_sim.core.jit import entry, inlined, prefetch, widest_vectors
+from collision_sim.core.lines import in_lines, LINE
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.nearby import choose
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
-from collision_sim.core.rules import Here, N_LOGGED
+from collision_sim.core.rules import Here, LOG, N_LOGGED
 from collision_sim.core.threads import (AT_END, AT_START, claim, DONE, fetch_add, FIRST, NO_PIECE,
                                         post, SECOND, wait_for_job, wait_until_done)
 from collision_sim.core.trajectory import sweep_margin
@@ -63,11 +64,10 @@ def block_radius(radius, first, last):
 
 
 @inlined
-def _fly(lean, candidates, ledger, flight, block, first, ahead, x, y, z, vx, vy, vz, new, scratch,
-         clear):
+def _fly(lean, candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, scratch, clear):
     """Write the candidates of a tile; `clear` is NaN where they are not finite, else 1."""
     if lean is not None:
-        place_block(flight, ahead, x, y, z, vx, vy, vz, new)
+        place_block(flight, x, y, z, vx, vy, vz, new)
     else:
         fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, scratch)
     clear_if_finite(new[0], new[1], new[2], clear)
@@ -98,11 +98,11 @@ def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, length
 
 
 @inlined
-def _take(lean, flight, x, y, z, vx, vy, vz, new):
+def _take(lean, flight, ahead, x, y, z, vx, vy, vz, new):
     """Take the candidates of a tile."""
     take(x, y, z, new)
     if lean is not None:
-        gain_velocities(flight, vx, vy, vz)
+        gain_velocities(flight, ahead, vx, vy, vz)
     else:
         take(vx, vy, vz, new[3:])
 
@@ -148,9 +148,13 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
 
 
 @inlined
-def _empty_log(candidates, accounts, block):
+def _empty_log(candidates, log, accounts, block):
     """Begin the log of a step, unless candidates have come with entries of the collision stage."""
     if candidates is None:
+        if log is not None:         # what was written in the last step is likely to be again
+            entries, first = LOG * accounts[block, N_LOGGED], block * log.shape[1] * LOG
+            for k in range(0, entries, LINE):
+                prefetch(log, first + k)
         accounts[block, N_LOGGED] = 0
 
 
@@ -176,21 +180,24 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
     for step in range(row, row + steps):
         start, end, count = min(step, rows), min(step + 1, rows), 0
         ahead = later if step == row + steps - 1 else 0
-        _empty_log(candidates, accounts, block)
+        _empty_log(candidates, log, accounts, block)
         _sweep_margins(rules.sweep, motion, step, table, margins)
         for a in range(0, last - first, TILE):
             b = min(a + TILE, last - first)
             xt, yt, zt, ut, vt, wt = px[a:b], py[a:b], pz[a:b], vx[a:b], vy[a:b], vz[a:b]
             rt, ct = block_radius(near, a, b), clear[:b - a]
-            _fly(lean, candidates, ledger, rules.flight, block, first + a, ahead, xt, yt, zt, ut,
-                 vt, wt, new, scratch, ct)
+            _fly(lean, candidates, ledger, rules.flight, block, first + a, xt, yt, zt, ut, vt, wt,
+                 new, scratch, ct)
+            prefetch_row(xt, ahead)
             _clear(rules.sweep, grid, rules.present, table, poses, end, rt, xt, yt, zt, new,
                    lengths, margins, ct, scratch, chosen)
             clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
                             end, rt, xt, yt, zt, new, ct, lengths)
+            prefetch_row(yt, ahead)
             before, count = count, collect(clear, b - a, touching, count)
             hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)
-            _take(lean, rules.flight, xt, yt, zt, ut, vt, wt, new)
+            prefetch_row(zt, ahead)
+            _take(lean, rules.flight, ahead, xt, yt, zt, ut, vt, wt, new)
         here = Here(step, start, end, block, first, 0.0, None)
         left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
                                 motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
