@@ -208,7 +208,19 @@ class Simulation:
         return self._every_contact(1)
 
     def some_contacts(self, most):
-        """Contacts of the last step, at most so many; of more every second, third, ... one."""
+        """
+        Choose some of the contacts of the last step, evenly; all of them where they are few.
+
+        Parameters
+        ----------
+        most : int
+            How many at most; at least 1.
+
+        Returns
+        -------
+        Contacts
+
+        """
         return self._every_contact(max(1, -(-int(self._accounts[:, N_LOGGED].sum()) // most)))
 
     def _every_contact(self, stride):

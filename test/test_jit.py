@@ -57,8 +57,8 @@ def test_a_change_in_one_file_renews_what_others_make_of_it(tmp_path):
 
 WARM = """
 import sys
-from collision_sim.core.{first} import {function}
-print({function}({arguments}))
+from collision_sim.core.shapes import sphere
+print(sphere((0.0, 3.0, 4.0), 1.0))
 print('numba.np.arraymath' in sys.modules)
 import numba
 print(numba.njit(lambda x: x ** 2)(3.0))
@@ -69,10 +69,8 @@ print('numba.np.arraymath' in sys.modules)
 @pytest.mark.jit
 def test_what_is_cached_needs_no_compiler_and_does_not_keep_others_from_it():
     """Numba takes a third of a second to get ready to compile: a warm start goes without."""
-    call = WARM.format(first='shapes', function='sphere', arguments='(0.0, 3.0, 4.0), 1.0')
-    runs = [subprocess.run([sys.executable, '-c', call], check=True, capture_output=True,
-                           text=True).stdout.splitlines() for _ in range(2)]
-    cold, warm = runs[0], runs[1]
+    cold, warm = [subprocess.run([sys.executable, '-c', WARM], check=True, capture_output=True,
+                                 text=True).stdout.splitlines() for _ in range(2)]
     assert cold[0] == warm[0] and cold[2] == warm[2] == '9.0'
     assert warm[1] == 'False' and warm[3] == 'True'
 

@@ -15,9 +15,9 @@
 """
 Particles that touch one plane are answered together (core/planes.py), as they would be one by one.
 
-Fewer than TOGETHER in a block are answered one by one, by core/response.py: so the same particles
-are also simulated in groups of fewer, and both must agree bit for bit, in state, counters and
-contacts.
+Fewer than TOGETHER in a block are answered one by one, by core/response.py, and so is every
+particle with a ledger: the same particles are also simulated in groups of fewer, and with a
+ledger, and all must agree bit for bit, in state, counters and contacts.
 """
 
 from collision_sim.core.stepping import TOGETHER
@@ -42,7 +42,7 @@ def groups(position, velocity):
 
 
 def both_ways(colliders, moves=None, **scene):
-    """Give the scene with its particles answered together, and in groups, one by one."""
+    """Give the scene with its particles answered together; one by one with a ledger, in groups."""
     random = np.random.default_rng(5)
     position = random.uniform((-1.0, -1.0, 0.0), (2.0, 1.5, 0.5), (700, 3))
     position[:200, 2] = 0.0         # on the ground
@@ -50,26 +50,28 @@ def both_ways(colliders, moves=None, **scene):
     velocity[:100] = 0.0
     together, *alone = [simulate(colliders, *state, restitution=0.5, **scene)
                         for state in [(position, velocity), *groups(position, velocity)]]
+    watched = simulate(colliders, position, velocity, restitution=0.5, ledger=True, **scene)
     for step in range(60):
-        for sim in [together, *alone]:
+        for sim in [together, watched, *alone]:
             if moves:
                 sim.move_collider('ground', *moves(step / 240))
             sim.step()
-        yield together, alone
+        yield together, [watched], alone
 
 
-def assert_same(together, alone):
-    """Assert that a simulation agrees with those of its groups in all they say."""
-    assert_array_equal(together.position, np.concatenate([sim.position for sim in alone]))
-    assert_array_equal(together.velocity, np.concatenate([sim.velocity for sim in alone]))
-    assert together.counters == {key: sum(sim.counters[key] for sim in alone)
-                                 for key in together.counters}
-    contacts = [sim.contacts for sim in alone]
-    firsts = np.cumsum([0, *(len(sim.position) for sim in alone[:-1])])
-    theirs = [np.concatenate(parts) for parts in zip(*contacts)]
-    theirs[0] += np.repeat(firsts, [len(found.particle) for found in contacts])
-    for found, expected in zip(together.contacts, theirs, strict=True):
-        assert_array_equal(found, expected)
+def assert_same(together, *others):
+    """Assert that a simulation agrees in all it says with each way to cut it into simulations."""
+    for parts in others:
+        assert_array_equal(together.position, np.concatenate([sim.position for sim in parts]))
+        assert_array_equal(together.velocity, np.concatenate([sim.velocity for sim in parts]))
+        assert together.counters == {key: sum(sim.counters[key] for sim in parts)
+                                     for key in together.counters}
+        contacts = [sim.contacts for sim in parts]
+        firsts = np.cumsum([0, *(len(sim.position) for sim in parts[:-1])])
+        theirs = [np.concatenate(columns) for columns in zip(*contacts)]
+        theirs[0] += np.repeat(firsts, [len(found.particle) for found in contacts])
+        for found, expected in zip(together.contacts, theirs, strict=True):
+            assert_array_equal(found, expected)
 
 
 @pytest.mark.jit
@@ -127,8 +129,11 @@ def test_together_beside_meshes(radius, tmp_path):
 def test_extreme_slips_are_answered_one_by_one():
     """Slips whose squares under- or overflow: the size is that of vectors.length."""
     velocity = np.repeat([[1e-170, 0.0, 0.0], [1e170, 0.0, -1.0], [1e-300, 1e-300, -1e-9]], 10, 0)
-    together, *alone = [simulate([plane()], *state, friction={'dry': 0.5}) for state in [
-        (np.zeros((30, 3)), velocity), *groups(np.zeros((30, 3)), velocity)]]
-    for sim in [together, *alone]:
+    position = np.zeros(velocity.shape)
+    together, watched, *alone = [
+        simulate([plane()], *state, friction={'dry': 0.5}, ledger=ledger) for *state, ledger in [
+            (position, velocity, False), (position, velocity, True),
+            *((*state, False) for state in groups(position, velocity))]]
+    for sim in [together, watched, *alone]:
         sim.step(3)
-    assert_same(together, alone)
+    assert_same(together, [watched], alone)

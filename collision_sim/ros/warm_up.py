@@ -23,12 +23,12 @@ Numba compiles one thing at a time, and whoever looks up a kernel waits for it.
 from concurrent.futures import Future
 import os
 import pickle
-import subprocess
 import sys
 import threading
 import time
 
 from collision_sim.core.pose_table import prepare
+from collision_sim.processes import start
 from collision_sim.simulation import Simulation
 
 NAME = 'warm_up'        # of the threads
@@ -114,13 +114,8 @@ def _play_poses(scene):
 
 def start_helper(scene, ledger, contacts):
     """Start a process that plays poses, then takes steps; it writes a line after each of them."""
-    helper = subprocess.Popen(
-        [sys.executable, '-m', 'collision_sim.ros.warm_up'], stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
-    pickle.dump((scene, ledger, contacts), helper.stdin)
-    helper.stdin.flush()                # and stays open as long as this process lives
-    return helper
+    # Its standard input stays open as long as this process lives.
+    return start('collision_sim.ros.warm_up', (scene, ledger, contacts))
 
 
 def _wait_for(helpers):

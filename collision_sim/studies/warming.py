@@ -21,10 +21,10 @@ that side by side, each running this module; they hand the result over by Numba'
 
 import os
 import pickle
-import subprocess
 import sys
 
 from collision_sim.checks import SceneError
+from collision_sim.processes import start
 from collision_sim.scene import Scene
 from collision_sim.simulation import Simulation
 from tqdm import tqdm
@@ -67,11 +67,7 @@ def refusal(scene, setting):
 
 def _worker(jobs):
     """Start a process that compiles some kernels."""
-    worker = subprocess.Popen(
-        [sys.executable, '-m', 'collision_sim.studies.warming'], stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
-    pickle.dump(jobs, worker.stdin)
+    worker = start('collision_sim.studies.warming', jobs)
     worker.stdin.close()
     return worker
 
