@@ -153,12 +153,12 @@ def contacts_are_impulses(case, run, random):
         if np.bincount(step.contacts.particle, minlength=1).max() >= MOST_CONTACTS:
             continue
         size = np.sqrt(scale(case, step) * mass.sum())
-        missing = told - change
         if 'pairs' in scene:
-            missing = missing.sum(axis=0)[None]
+            told, change = told.sum(axis=0)[None], change.sum(axis=0)[None]
+        missing = told - change
         if not np.abs(missing).max() <= 1e-9 * size:
             i = int(np.abs(missing).max(axis=1).argmax())
-            return (f'step {k}: particle {i}: contacts say {told[i].tolist()} N s, the momentum '
+            return (f'step {k}: particle {i}, or all with pairs: contacts say {told[i].tolist()} N s, the momentum '
                     f'changes by {change[i].tolist()} N s')
 
 

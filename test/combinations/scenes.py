@@ -131,7 +131,16 @@ def draw(seed):
             collider['friction'] = _friction(dice)
     scene['colliders'] = colliders
     case['calls'] = _calls(dice, scene, colliders)
-    return case
+    return _plain(case)
+
+
+def _plain(value):
+    """Give a value in the types of a YAML file, and without -0."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return float(value) + 0.0 if isinstance(value, (float, np.floating)) else value
 
 
 # ------------------------------------------------------------------------------------- colliders

@@ -31,13 +31,17 @@ from shrink import shrink
 import yaml
 
 OTHERS = 3              # other runs of a case
-SHRUNK = 3              # failures of a check that are shrunk; of the others the case is named
-SHRINKING = 20.0        # s for each
+SHRUNK = 2              # failures of a check that are shrunk; of the others the case is named
+SHRINKING = 8.0         # s of the process for each
 
 
 @dataclass
 class Found:
-    """A failure: number of the case, name of the check, what it says, and the case, shrunk."""
+    """
+    A failure: number of the case, name of the check, what it says, and the case, shrunk.
+
+    after [s]: time of the process until then.
+    """
 
     seed: list
     check: str
@@ -78,7 +82,7 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
     seed : int
         Of all cases.
     seconds : float
-        CPU or wall time, whichever is over first.
+        How long.
     numbers : iterator of int
         Of the cases of that seed.
     names : list of str or None
@@ -95,7 +99,7 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
     Search
 
     """
-    done, start = Search(), time.monotonic()
+    done, start, busy = Search(), time.monotonic(), time.process_time()
     for number in numbers:
         if time.monotonic() - start > seconds or stop and stop(done):
             break
@@ -112,7 +116,7 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
                 continue
             left = max(seconds - (time.monotonic() - start), 1.0)
             small, said = shrink(case, name, key, min(SHRINKING, left)) if shrinks else (case, '')
-            done.found.append(Found(key, name, said or problem, small, time.monotonic() - start))
+            done.found.append(Found(key, name, said or problem, small, time.process_time() - busy))
             if tell:
                 tell(done, done.found[-1])
         if tell:

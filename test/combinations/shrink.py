@@ -43,7 +43,7 @@ def shrink(case, name, seed, seconds):
     seed : int or sequence of int
         Of what the check draws.
     seconds : float
-        After which no further attempt is made.
+        Of this process, after which no further attempt is made.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def shrink(case, name, seed, seconds):
         What the check says of it; None: it did not fail.
 
     """
-    end = time.monotonic() + seconds
+    end = time.process_time() + seconds
     problem = _said(case, name, seed)
     going, before = problem is not None, _error(problem)
     while going:
@@ -60,7 +60,7 @@ def shrink(case, name, seed, seconds):
         for simpler in (_shorter, _fewer, _plainer, _rounder):
             tries, k = list(simpler(case)), 0
             while k < len(tries):
-                if time.monotonic() > end:
+                if time.process_time() > end:
                     return case, problem
                 said = _said(tries[k], name, seed)
                 if said and _error(said) == before:

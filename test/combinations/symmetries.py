@@ -340,4 +340,4 @@ def other_units(case, run, random):
     return None
 
 
-CHECKS = (mirror_image, other_axes, own_mirror_image, galilean, other_units)
+CHECKS = (mirror_image, other_axes, galilean, other_units)
