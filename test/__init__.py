@@ -11,3 +11,9 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+"""
+The tests, as a package: for `python -m test.combinations`.
+
+Without it that would look into Python's own tests. Modules here import each other by their own
+names, as `pythonpath` in setup.cfg says.
+"""

@@ -28,7 +28,7 @@ from pathlib import Path
 import sys
 import time
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent))     # as pytest does
 
 from checks import CHECKS, RUNS  # noqa: E402
 from replay import load, replay  # noqa: E402
