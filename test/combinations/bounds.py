@@ -51,13 +51,6 @@ def is_excused(step):
     return any(step.counters[key] for key in EXCUSES)
 
 
-def gaps(case, step, c):
-    """Distances (N,) of the particles to collider c before and after a step [m]."""
-    radius, collider = each(case, 'radius', 0.0), step.scene.colliders[c]
-    return (distance(collider, step.poses0[c], step.x0) - radius,
-            distance(collider, step.poses[c], step.x) - radius)
-
-
 def stays_outside(case, run, random):
     """
     Who starts a step outside of a collider ends it outside, to rounding, or is counted.
@@ -70,7 +63,7 @@ def stays_outside(case, run, random):
         for c, collider in enumerate(step.scene.colliders):
             if collider.mesh and not collider.mesh.closed:
                 continue
-            before, after = gaps(case, step, c)
+            before, after = step.gaps[c]
             blur = slack(case, step, c)
             bad = np.flatnonzero((before >= -blur) & ~(after >= -2.0 * blur))
             if len(bad):
@@ -100,7 +93,7 @@ def stays_out_of_all(case, run, random):
     for k, step in enumerate(run):
         if is_excused(step):
             continue
-        for i in _between(case, step):
+        for i in _between(step):
             limit = 0.002 * ASKED
             if (buried(case, step, i, step.poses, step.x, AROUND) > limit
                     and buried(case, step, i, step.poses0, step.x0, ALL_AROUND) < -0.05 * ASKED
@@ -113,8 +106,8 @@ def passes_nothing(case, run, random):
     Nobody passes through: along the chord of a step nobody is inside, where paths are searched.
 
     That is with `trajectory`: the place where a step ends is right only if the way there is free
-    (response.resolve). Colliders on the way are where their twist takes them; they bend the chord
-    by what a turn makes of an arm, which is allowed for. Meshes are never passed through, whatever
+    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface. Only for colliders
+    that do not turn in the step, with which the chord is straight. Meshes are never passed through, whatever
     the detection: the chord has no crossing with them.
     """
     for k, step in enumerate(run):
@@ -152,15 +145,22 @@ def _cuts(case, step, c):
     collider, (p0, q0), (p1, q1) = step.scene.colliders[c], step.poses0[c], step.poses[c]
     if np.abs(np.subtract(q0, q1)).max() > 1e-12:
         return None
-    before, after = gaps(case, step, c)
+    before, after = step.gaps[c]
     blur, radius = slack(case, step, c), each(case, 'radius', 0.0)
     tau = np.linspace(0.0, 1.0, 65)[:, None]
     for i in np.flatnonzero((before >= -blur) & (after >= -blur)):
         chord = (1.0 - tau) * (step.x0[i] - p0) + tau * (step.x[i] - p1)
         depth = (radius[i] - distance(collider, (np.zeros(3), q0), chord)).max()
-        if depth > 1e-9 + 4.0 * blur[i]:
+        if depth > 1e-9 + 4.0 * blur[i] + _sag(collider, radius[i], chord[-1] - chord[0]):
             return f'particle {i} goes {depth:.3g} m deep through {collider.name}'
     return None
+
+
+def _sag(collider, radius, way):
+    """How deep a chord may cut a round surface that the particle slides along [m]."""
+    if collider.shape not in ('sphere', 'capsule', 'cylinder') or collider.inside:
+        return 0.0
+    return 0.13 * (way @ way) / (collider.size[0] + radius)
 
 
 def balls_keep_apart(case, run, random):
@@ -202,17 +202,15 @@ def _has_room(case, step, balls):
     """Whether at most one collider is near any of some balls."""
     near = 0
     for c in range(len(step.scene.colliders)):
-        _, after = gaps(case, step, c)
+        _, after = step.gaps[c]
         size = each(case, 'radius', 0.0)
         near += any(after[i] < 0.5 * size[i] for i in balls)
     return near < 2 and len(step.x) < 4
 
 
-def _between(case, step):
+def _between(step):
     """Particles that end on the surfaces of two colliders or more, and not far out."""
-    near = np.zeros(len(step.x))
-    for c in range(len(step.scene.colliders)):
-        near += gaps(case, step, c)[1] < ASKED
+    near = (step.gaps[:, 1] < ASKED).sum(axis=0)
     return np.flatnonzero((near > 1) & (np.abs(step.x).max(axis=1) < 1e3))
 
 

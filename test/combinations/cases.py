@@ -25,17 +25,20 @@ A case is a plain mapping, so that it can be written to YAML, shrunk and pasted 
 """
 
 import copy
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 import tempfile
-from typing import NamedTuple
 
 from collision_sim import Scene, Simulation
+from distances import distance
 import numpy as np
 
 UPRIGHT = [0.0, 0.0, 0.0, 1.0]
 
 
-class Step(NamedTuple):
+@dataclass(eq=False)
+class Step:
     """
     One step of a run: states before and after it.
 
@@ -54,6 +57,16 @@ class Step(NamedTuple):
     contacts: object
     balance: object
     scene: Scene
+
+    @cached_property
+    def gaps(self):
+        """Distances (C, 2, N) of the particles to each collider before and after [m]."""
+        radius = self.scene.particles.radius
+        return np.array([(distance(collider, before, self.x0) - radius,
+                          distance(collider, after, self.x) - radius)
+                         for collider, before, after in zip(
+                             self.scene.colliders, self.poses0, self.poses)]
+                        ).reshape(-1, 2, len(self.x))
 
 
 def read(case):

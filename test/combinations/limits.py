@@ -66,9 +66,8 @@ def _duration(run):
     return min(0.2, len(run) * run[0].scene.stepping.dt)
 
 
-def _starts_inside(case, run):
-    from bounds import gaps
-    return any((gaps(case, run[0], c)[0] < -1e-12).any() for c in range(len(run[0].poses)))
+def _starts_inside(run):
+    return bool((run[0].gaps[:, 0] < -1e-12).any())
 
 
 def meets_exact(case, run, random):
@@ -76,7 +75,7 @@ def meets_exact(case, run, random):
     scene = case['scene']
     if not run or not _is_plain(case) or 'pairs' in scene or method(case) == 'exact' or any(
             collider['shape'] == 'mesh' for collider in scene.get('colliders', ())) \
-            or _starts_inside(case, run):
+            or _starts_inside(run):
         return None
     duration = _duration(run)
     truth = _in_steps(case, 8, duration, method='exact', detection=None, flight=None)
@@ -101,7 +100,7 @@ def meets_exact(case, run, random):
 def detections_meet(case, run, random):
     """Impacts on the path, and who is inside when a step ends: the same for short steps."""
     scene = case['scene']
-    if not run or not _is_plain(case) or method(case) == 'exact' or _starts_inside(case, run):
+    if not run or not _is_plain(case) or method(case) == 'exact' or _starts_inside(run):
         return None
     duration = _duration(run)
     cases = [_in_steps(case, FINE, duration, detection=name)

@@ -24,7 +24,7 @@ same. A box that is cut in two is the same box, to rounding.
 import copy
 
 from cases import acts, calls, changed, each, play, simulate, single_steps, UPRIGHT
-from distances import distance, rotation
+from distances import rotation
 import numpy as np
 from symmetries import compare
 from untouched import differences, with_colliders
@@ -165,9 +165,7 @@ def cut_boxes(case, run, random):
             whole = k
     if whole is None or len(case['scene']['colliders']) > 6:
         return None
-    scene = run[0].scene
-    if (distance(scene.colliders[whole], run[0].poses0[whole], run[0].x0)
-            < each(case, 'radius', 0.0) - 1e-12).any():
+    if (run[0].gaps[whole, 0] < -1e-12).any():
         return None
     box = case['scene']['colliders'][whole]
     axis, share = int(random.integers(3)), (0.5, 0.25)[random.integers(2)]

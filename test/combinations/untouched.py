@@ -24,6 +24,7 @@ import copy
 import pickle
 
 from cases import calls, changed, each, particles, play, simulate, single_steps, state, call
+from numba import config
 import numpy as np
 
 FAR = 1e4           # m, of colliders that nobody touches
@@ -177,7 +178,7 @@ def one_by_one(case, run, random):
 
 def threads(case, run, random):
     """One thread or two, with so many copies of the particles that they come in several blocks."""
-    if 'springs' in case['scene'] or random.random() < 0.9:
+    if config.DISABLE_JIT or 'springs' in case['scene']:
         return None
     copies = 1100 // particles(case)
     other = some_particles(case, list(range(particles(case))) * copies)
