@@ -23,7 +23,7 @@ from cases import acts, changed, method, play
 import numpy as np
 from symmetries import lengths, nudged, NUDGE
 
-FINE, COARSE = 128, 32      # steps
+FINE, COARSE = 64, 16       # steps
 STEADY = 30.0               # most that a nudge is amplified
 MARGIN = 4.0                # errors of a hit are of the size of a step's way, some are larger
 
@@ -42,9 +42,9 @@ def _is_plain(case):
 
 
 def _amplified(case, run, random):
-    """How much a nudge is amplified, at most, in three trials."""
+    """How much a nudge is amplified, at most, in two trials."""
     worst = 1.0
-    for _ in range(3):
+    for _ in range(2):
         other = play(nudged(case, random))
         worst = max(worst, *(np.abs(two.x - one.x).max(initial=0.0) / NUDGE
                              for one, two in zip(run, other)))

@@ -393,8 +393,9 @@ def _moving(dice, colliders, share=0.3):
             collider['motion'] = _motion(dice)
 
 
-FAMILIES = (several, several, several, several, many, tiles, tiles, press, groove, column,
-            column, break_shot, drum, drum, meshes, meshes)
+# Meshes cost ten times as much as others without the compiler.
+FAMILIES = (several, several, several, several, several, many, tiles, tiles, press, press, groove,
+            column, column, break_shot, drum, drum, meshes)
 
 
 # ------------------------------------------------------------------------------------- the rest
