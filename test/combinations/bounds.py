@@ -88,7 +88,7 @@ def stays_out_of_all(case, run, random):
 
     That is the bound for the union of colliders side by side: a point in the seam of two tiles is
     on the surface of both, and yet inside. Radii count; the rounding of a distance is far below
-    ASKED.
+    ASKED. Of colliders that move as one; plates that close may leave no space at all.
     """
     for k, step in enumerate(run):
         if is_excused(step):
@@ -210,8 +210,11 @@ def _has_room(case, step, balls):
 
 def _between(step):
     """Particles that end on the surfaces of two colliders or more, and not far out."""
-    near = (step.gaps[:, 1] < ASKED).sum(axis=0)
-    return np.flatnonzero((near > 1) & (np.abs(step.x).max(axis=1) < 1e3))
+    near = step.gaps.min(axis=1) < ASKED + np.linalg.norm(step.x - step.x0, axis=1)
+    moves = np.array([np.concatenate([np.subtract(after[0], before[0]), after[1] - before[1]])
+                      for before, after in zip(step.poses0, step.poses)])
+    return [i for i in np.flatnonzero((near.sum(axis=0) > 1) & (np.abs(step.x).max(axis=1) < 1e3))
+            if np.ptp(moves[near[:, i]], axis=0).max() < 1e-12]
 
 
 CHECKS = (stays_outside, stays_out_of_all, passes_nothing, balls_keep_apart)

@@ -105,16 +105,21 @@ def moves_to_where_it_is(case, run, random):
 
 
 def parameters_set_to_what_they_are(case, run, random):
-    """`set_parameters` to the values that the scene has, in between."""
-    other = {**case, 'calls': []}
+    """
+    `set_parameters` to the values that the scene has, in between.
+
+    Where the program changes parameters, those of colliders and pairs are left alone: what follows
+    the scene would no longer.
+    """
+    alters = any(name == 'set' for name, _ in calls(case))
+    other, changes = {**case, 'calls': []}, set()
     values = {path: parameter.value
-              for path, parameter in simulate(case).scene.parameters().items()}
-    changes = set()
+              for path, parameter in simulate(case).scene.parameters().items()
+              if not (alters and path.startswith(('colliders.', 'pairs.')))}
     for name, value in calls(single_steps(case)):
         if name == 'set':
-            changes |= set(value)
-        same = {path: value for path, value in values.items() if not any(
-            path.startswith(key.split('.')[0]) or key.split('.')[-1] in path for key in changes)}
+            changes |= {path.split('.')[0] for path in value}
+        same = {path: value for path, value in values.items() if path.split('.')[0] not in changes}
         if name == 'step' and same:
             other['calls'].append({'set': same})
         other['calls'].append({name: value})
