@@ -24,7 +24,7 @@ import signal
 
 import accounts
 import bounds
-from cases import play
+from cases import method, play
 from collision_sim import SceneError
 import limits
 import neutral
@@ -36,7 +36,7 @@ OF_THE_RUN = bounds.CHECKS + accounts.CHECKS + (symmetries.own_mirror_image,)
 OF_OTHER_RUNS = untouched.CHECKS + symmetries.CHECKS + neutral.CHECKS + limits.CHECKS
 CHECKS = {check.__name__: check for check in OF_THE_RUN + OF_OTHER_RUNS}
 RUNS = 'runs'       # the check that a scene which is accepted runs
-LONGEST = 60.0      # s of the process for a case and its checks, which take 0.1 s as a rule
+LONGEST = 20.0      # s of the process for a case and its checks, which take 0.1 s as a rule
 
 
 class TooLong(Exception):
@@ -73,7 +73,8 @@ def examine(case, seed, names):
     Returns
     -------
     dict of str
-        What is wrong, by the name of the check; None where the scene is not accepted.
+        What is wrong, by the name of the check; None where the scene is not accepted, or takes
+        too long to say.
 
     """
     found = {}
@@ -86,6 +87,12 @@ def examine(case, seed, names):
                     found[name] = problem
     except SceneError:
         return None
+    except TooLong as error:
+        # Plates that close with restitution 1 are hit ever faster: `exact` gives up after 100 000
+        # events, for which plain Python takes minutes.
+        if method(case) == 'exact':
+            return None
+        found[RUNS] = said(error)
     except Exception as error:
         found[RUNS] = said(error)
     return found
