@@ -20,7 +20,7 @@ else what is wrong.
 """
 
 from cases import each, method, stepping
-from distances import crossings, distance, rotation
+from distances import crossings, distance
 import numpy as np
 
 EPSILON = 2.0 ** -52
@@ -106,10 +106,10 @@ def passes_nothing(case, run, random):
     Nobody passes through: along the chord of a step nobody is inside, where paths are searched.
 
     That is with `trajectory`: the place where a step ends is right only if the way there is free
-    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface, and for the fall
-    g dt^2 / 2 of one who slides over an edge. Only for colliders that do not turn in the step, with
-    which the chord is straight. Meshes are never passed through, whatever
-    the detection: the chord has no crossing with them.
+    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface, and for the
+    fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do not turn in the
+    step, with which the chord is straight. Meshes are never passed through, whatever the
+    detection: the chord has no crossing with them.
     """
     for k, step in enumerate(run):
         if is_excused(step):

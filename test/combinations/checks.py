@@ -65,6 +65,7 @@ def examine(case, seed, names):
     Parameters
     ----------
     case : dict
+        As in cases.py.
     seed : int or sequence of int
         Of what the checks draw.
     names : iterable of str
@@ -99,7 +100,7 @@ def examine(case, seed, names):
 
 
 def _problem(case, run, seed, name):
-    """What a check says, an exception included; a changed scene need not be accepted."""
+    """Ask a check, whose exceptions are problems; a changed scene need not be accepted."""
     try:
         return CHECKS[name](case, run, np.random.default_rng(seed))
     except SceneError:
