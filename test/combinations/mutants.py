@@ -59,7 +59,7 @@ MUTANTS = (
      'first = self._count if self._since == 0.0', 'first = self._count - 1 if self._since == 0.0'),
     ('a long cylinder with short normals', 'core/shapes.py',
      'cap = rho - radius, sz * point[2] - half',
-     'cap = rho - radius, sz * point[2] - 0.99 * half'),
+     'cap = rho - radius, sz * point[2] - 0.9 * half'),
     ('a turn about the wrong point', 'core/motion.py',
      'return add(linear, cross(angular, subtract(point, origin(poses, row, c))))',
      'return add(linear, cross(angular, point))'),
@@ -107,11 +107,11 @@ def _search(folder, seed, seconds):
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True,
                           env={**os.environ, 'NUMBA_DISABLE_JIT': '1'}) as process:
         for line in process.stdout:
-            number, check, problem = line.rstrip().split(' ', 2)
+            number, check, spent, problem = line.rstrip().split(' ', 3)
             key = [seed, int(number)]
             if replay(draw(key), check, key) is None:
                 process.kill()
-                return f'case {number}, {check}: {problem}'
+                return f'case {number}, {spent} s of the process, {check}: {problem}'
     return None
 
 
@@ -123,6 +123,6 @@ def report(seed, seconds):
 
     def tell(done, found):
         if found:
-            print(found.seed[1], found.check, found.problem, flush=True)
+            print(found.seed[1], found.check, f'{found.after:.0f}', found.problem, flush=True)
 
     search(seed, seconds, count(), tell=tell, shrinks=0)

@@ -146,24 +146,24 @@ def _plain(value):
 
 # ------------------------------------------------------------------------------------- colliders
 
-def _body(dice, shape=None, near=1.0):
-    """Give a collider of any shape."""
+def _body(dice, shape=None, near=1.0, most=3.0):
+    """Give a collider of any shape, whose lengths are at most so much."""
     shape = shape or dice.pick(*SHAPES)
     turned = {'orientation': dice.turn()} if dice.chance(0.6) else {}
     place = dice.vector(near)
     if shape == 'plane':
         return {'shape': shape, 'point': place, 'normal': dice.direction(), **turned}
-    size = {'box': lambda: {'size': [_length(dice) for _ in range(3)]},
-            'sphere': lambda: {'radius': _length(dice)}}.get(
-        shape, lambda: {'radius': _length(dice), 'length': _length(dice)})()
+    size = {'box': lambda: {'size': [_length(dice, most) for _ in range(3)]},
+            'sphere': lambda: {'radius': _length(dice, most)}}.get(
+        shape, lambda: {'radius': _length(dice, most), 'length': _length(dice, most)})()
     inside = {'inside': True} if dice.chance(0.25) else {}
     return {'shape': shape, **size, 'position': place, **turned, **inside}
 
 
-def _length(dice):
+def _length(dice, most=3.0):
     if dice.special:
-        return dice.pick(0.25, 0.5, 1.0, 2.0)
-    return dice.decades(0.05, 3.0)
+        return dice.pick(*(length for length in (0.25, 0.5, 1.0, 2.0) if length <= most))
+    return dice.decades(0.05, most)
 
 
 def _motion(dice):
@@ -188,7 +188,8 @@ def several(dice, case):
 
 def many(dice, case):
     """Give eight to twelve small colliders, which are found by a grid."""
-    colliders = [_body(dice, dice.pick(*SHAPES[1:])) for _ in range(dice.whole(8, 12))]
+    colliders = [_body(dice, dice.pick(*SHAPES[1:]), 1.5, dice.pick(0.5, 0.5, 3.0))
+                 for _ in range(dice.whole(8, 12))]
     for collider in colliders:
         collider.pop('inside', None)
     _moving(dice, colliders)
@@ -280,9 +281,11 @@ def column(dice, case):
     axis = np.array(dice.pick((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), dice.direction()))
     gap = dice.pick(0.0, 0.0, 0.01, -0.02)
     places = [((2 * k + 1) * radius + (k + 1) * gap) * axis for k in range(count)]
+    if dice.chance(0.3):
+        places = [place + 0.3 * radius * np.array(dice.direction()) for place in places]
     case['scene']['particles'] = {
         'position': [place.tolist() for place in places], 'radius': radius,
-        'mass': [dice.pick(1.0, 1.0, 1.0, 10.0, 1000.0, 1e6, 0.01) for _ in places],
+        'mass': [dice.pick(1.0, 1.0, 1.0, 10.0, 1000.0, 1e6, 0.01, np.inf) for _ in places],
         'velocity': [[0.0, 0.0, 0.0]] * count}
     case['scene']['pairs'] = {}
     if dice.chance(0.3):
@@ -395,7 +398,7 @@ def _moving(dice, colliders, share=0.3):
 
 
 # Meshes cost ten times as much as others without the compiler.
-FAMILIES = (several, several, several, several, several, many, tiles, tiles, press, press, groove,
+FAMILIES = (several, several, several, several, many, many, tiles, tiles, press, press, groove,
             column, column, break_shot, drum, drum, meshes)
 
 
@@ -483,7 +486,7 @@ def _particles(dice, scene, colliders, spots):
 
 
 def _radius(dice):
-    return dice.pick(0.0, 0.0, 0.05, 0.1, 0.25, 1e-6, dice.decades(1e-3, 1.0))
+    return dice.pick(0.0, 0.0, 0.05, 0.1, 0.25, 0.5, 1e-6, dice.decades(1e-3, 1.0))
 
 
 def _place(dice, colliders, spots, radius, scene):
