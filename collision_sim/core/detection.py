@@ -315,9 +315,10 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     Find the collider to act on next, of those that the particle hits on its path: the earliest.
 
     As `survey`, with the normal at the hit; the material velocity there where the particle hits on
-    its way, that of `survey` where it touches from the start.
+    its way, that of `survey` where it touches from the start. Of those hit at the same time, which
+    are all that it touches from the start, the one that it ends deepest in comes first.
     """
-    touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
+    touch, first, deep, inside, dt = NOTHING, NEVER, 0.0, False, rules.flight.dt
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         depth = starts_inside(rules, here, table, poses, k, x0)
@@ -328,21 +329,23 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
         inside = True
         point = add_scaled(x0, tau, subtract(x1, x0))
         there = path_velocity(motion, here.step, k, arm, dt)
-        if collides and depth == 0.0 and (tau < first or not touch.hit):
+        earlier = tau < first or (tau == first and phi < deep)
+        if collides and depth == 0.0 and (earlier or not touch.hit):
             obj = there
             if tau == 0.0:
                 obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
             v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
                 rules.second, here, table, poses, k, x0, v0, u, obj))
             if v_n < 0.0:
-                touch, first = Touch(k, n, obj, point, v_n, 0.0, True, stays), tau
-        if not touch.hit and tau < first:
+                touch, first, deep = Touch(k, n, obj, point, v_n, 0.0, True, stays), tau, phi
+        if not touch.hit and earlier:
             obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
             v_n, target = mean_approach(rules, depth, n, obj, u)
             if v_n >= target and depth == 0.0 and not stays:
                 v_n, obj = approach(u, there, n), there
             if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
                 touch, first = Touch(k, n, obj, point, v_n, target, False, stays), tau
+                deep = phi
     return touch, inside
 
 
@@ -355,13 +358,14 @@ def detect(sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u, co
 
 
 @kernel
-def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
+def blocker(sweep, rules, here, table, poses, motion, x0, x1):
     """
-    Whether no collider is hit on the way, with `sweep`; else the way does not matter.
+    Give the collider that is hit first on the way, or NONE; without `sweep` no way matters.
 
     The way from one point of a round surface to the next is a chord inside it: leaving from a
     surface to the same side of it is clear.
     """
+    blocking, first = NONE, NEVER
     if sweep is not None:
         dx = subtract(x1, x0)
         for m in range(how_many(here.chosen, table)):
@@ -373,6 +377,6 @@ def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
             n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)
-            if tau <= 1.0 and not slides and approach(dx, obj, n) < 0.0:
-                return False
-    return True
+            if tau < first and not slides and approach(dx, obj, n) < 0.0:
+                blocking, first = k, tau
+    return blocking

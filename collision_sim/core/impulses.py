@@ -94,6 +94,28 @@ def respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, speed):
 
 
 @inlined
+def doubtful_change(w_n, most, off):
+    """
+    Change of normal velocity [m/s] that ends an approach to a velocity that is estimated.
+
+    Parameters
+    ----------
+    w_n : float [m/s]
+        Normal velocity before, negative.
+    most : float [m/s]
+        What there is reason for.
+    off : float [m/s]
+        How far off the estimate may be: the most that is left of the approach.
+
+    Returns
+    -------
+    dv_n : float [m/s]
+
+    """
+    return -w_n - min(off, max(-w_n - most, 0.0))
+
+
+@inlined
 def joint_impulses(n1, obj1, n2, obj2, v):
     """
     Find the changes of velocity along two normals that end the approach of v to both colliders.
