@@ -26,8 +26,8 @@ from collision_sim.core.broad_phase import cell_along, Grid, MOST_CELLS, radius_
 from collision_sim.core.jit import (inlined, kernel, not_clear, number_of, ordered, select,
                                     widest_vectors, WORD)
 from collision_sim.core.rules import Here
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, SIDE, signed_distance, SIZE,
-                                       SPHERE)
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, seam_width, SIDE,
+                                       signed_distance, SIZE, SPHERE)
 from collision_sim.core.vectors import dot, length, origin, subtract
 import numpy as np
 
@@ -79,7 +79,8 @@ def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, 
         c = grid.items[m]
         if c != skip:
             phi = signed_distance(present, table, poses, end, c, (x, y, z))[0]
-            clear = min(clear, phi - near - _margin_at(margins, c))
+            wide = seam_width(table, c, origin(poses, end, c))
+            clear = min(clear, phi - wide - near - _margin_at(margins, c))
     return clear
 
 
