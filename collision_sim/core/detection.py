@@ -224,7 +224,8 @@ def mean_approach(rules, depth, n, obj, u):
     """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
     if depth > 0.0:
         target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
-        return dot(subtract(u, obj), n), target
+        v_n = dot(subtract(u, obj), n)
+        return (v_n if v_n < target - ROUNDING * (largest(u) + largest(obj)) else target), target
     return approach(u, obj, n), 0.0
 
 

@@ -29,6 +29,7 @@ material point, and the energy of an impulse is taken together with the work of 
 shift that it causes: together they are exact on planes, for friction too.
 """
 
+from math import nan
 from typing import NamedTuple, Optional
 
 from collision_sim.core.impulses import dry_factor, shares, wet_factor
@@ -170,7 +171,8 @@ def dry_share(rules, table, c, speed, dv_n):
     """Share of dry friction in the loss of a slip [m/s] to both kinds; NaN without loss."""
     dry = dry_factor(rules.dry, table, c, speed, dv_n)
     wet = wet_factor(rules.wet, table, c, dv_n)
-    return (1.0 - dry * dry) / (1.0 - dry * dry * wet * wet)
+    lost = 1.0 - dry * dry * wet * wet
+    return (1.0 - dry * dry) / lost if lost != 0.0 else nan
 
 
 @inlined

@@ -265,11 +265,11 @@ def reach_of(radius, move, x0, x1):
     """
     How far from x0 [m] a collider has to be, for a particle not to touch it on the way to x1.
 
-    The particle reaches |x1 - x0| and its radius away. The contact stage may push it once more as
-    far as it has come, and by as much as the collider that pushes it moves, twice at the most
-    (placing.push_out); the collider that is touched comes towards it by its own move.
+    The particle reaches |x1 - x0| and its radius away. It may be pushed once more as far as it has
+    come, as colliders see it that move themselves, and twice the way that two of them come
+    together (placing.push_out); the collider that is touched comes towards it by its own move.
     """
-    return radius + 3.0 * move + 2.0 * length(subtract(x1, x0))
+    return radius + 6.0 * move + 2.0 * length(subtract(x1, x0))
 
 
 @inlined

@@ -39,13 +39,20 @@ def _free_part(n, a, b):
 
 
 @kernel
+def _carried(rules, here, table, poses, motion, c, x0):
+    """Where collider c would have carried a particle; where it started if c does not move."""
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+    return add_scaled(x0, rules.flight.dt, obj)
+
+
+@kernel
 def push_out(rules, here, table, poses, motion, x0, place):
     """
     Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
 
     A push goes along the surfaces of the two colliders before it, so that a particle in a groove
     or a corner gets out in two or three pushes, however acute that is. Pushing ends where it leads
-    further than the particle and the collider came.
+    further than the particle came, as the colliders see it, and twice the way they came together.
 
     Returns
     -------
@@ -70,19 +77,16 @@ def push_out(rules, here, table, poses, motion, x0, place):
         t = _free_part(n, a, b)
         rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
         place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
-        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
-        reach = length(subtract(candidate, x0)) + 2.0 * rules.flight.dt * length(obj)
+        carried = _carried(rules, here, table, poses, motion, c, x0)
+        reach = length(subtract(candidate, carried))
+        if c2 != NONE:
+            beside = _carried(rules, here, table, poses, motion, c2, x0)
+            reach = max(reach, length(subtract(candidate, beside)))
+            reach += 2.0 * length(subtract(beside, carried))
         reach += rounding_depth(here, table, poses, c, x0) + PUSHES * rounding
         if length(subtract(place, candidate)) > reach:
             break
     return place, c1, c2
-
-
-@kernel
-def _carried(rules, here, table, poses, motion, c, x0):
-    """Where collider c would have carried a particle; where it started if c does not move."""
-    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
-    return add_scaled(x0, rules.flight.dt, obj)
 
 
 @kernel
