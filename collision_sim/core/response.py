@@ -317,7 +317,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             break
         touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
                                v0, u, passes == 0 and hits < CHECKS)
-        if not inside:
+        if not inside and other.collider == NONE:
             return x1, w
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
