@@ -249,14 +249,16 @@ def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
     if second is not None:
         if depth == 0.0:
             gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
-            gap, cosine = gap - here.radius, dot(start, n)
-            if gap <= rounding_depth(here, table, poses, c, x0):
+            gap -= here.radius
+            touches = gap <= rounding_depth(here, table, poses, c, x0)
+            face = face_below(table, poses, here.end, c, x1, n)
+            if face != NONE and (touches or dot(start, n) > STRAIGHT):
+                height, start = height_over(table, poses, here.start, c, face, x0)
+                gap = max(height - here.radius, 0.0)
+            cosine = dot(start, n)
+            if touches:
                 return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
             if phi < 0.0 and cosine > STRAIGHT:
-                face = face_below(table, poses, here.end, c, x1, n)
-                if face != NONE:
-                    gap, start = height_over(table, poses, here.start, c, face, x0)
-                    gap = max(gap - here.radius, 0.0)
                 between = add_scaled(start, gap / (gap - phi), subtract(n, start))
                 return scaled(1.0 / length(between), between), True, False
     return n, False, False
