@@ -21,7 +21,6 @@ value in its final type or raises SceneError with that path. Units are SI, '' is
 
 from array import array
 from collections.abc import Mapping
-import csv
 from dataclasses import dataclass
 import difflib
 import math
@@ -29,6 +28,7 @@ from numbers import Integral, Real
 import re
 import reprlib
 from typing import NamedTuple
+import warnings
 
 import numpy as np
 import yaml
@@ -61,6 +61,33 @@ class SceneError(ValueError):
 
     def __reduce__(self):  # so that it passes from a worker process to the one that waits
         return SceneError, (self.key, self.value, self.allowed)
+
+
+class SceneWarning(UserWarning):
+    """What was left out or changed of a file so that it can be used."""
+
+
+def warn(path, value, numbers, what, things='faces'):
+    """
+    Warn of some of the things in a value, if there are any, by a SceneWarning.
+
+    Parameters
+    ----------
+    path : str
+        Of the key that the value stands under.
+    value : object
+        What was given there.
+    numbers : (K,) int
+        Numbers of the things, in their order.
+    what : str
+        What is said of them.
+    things : str
+        What they are.
+
+    """
+    if len(numbers):
+        warnings.warn(f'{path}: {_SHORT.repr(value)}: {len(numbers)} {things} {what}; the first '
+                      f'is {numbers[0]}', SceneWarning, stacklevel=2)
 
 
 class Parameter(NamedTuple):
@@ -315,7 +342,7 @@ def read_vectors(value, path, leaf):
     """Give a list of vectors as an (N, 3) array."""
     if isinstance(value, np.ndarray):
         try:
-            return _vectors(value)
+            return finite_vectors(value)
         except ValueError as error:
             raise SceneError(path, value, f'each row {leaf.allowed}; {error}') from None
     if not isinstance(value, (list, tuple)):
@@ -324,7 +351,7 @@ def read_vectors(value, path, leaf):
     return np.array(vectors, dtype=np.float64).reshape(-1, 3)
 
 
-def _vectors(array):
+def finite_vectors(array):
     """Give a copy of an (N, 3) array as float64; ValueError says what is wrong with it."""
     if array.dtype.kind not in 'iuf' or array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f'this is {array.dtype} of shape {array.shape} instead of (N, 3) numbers')
@@ -346,31 +373,6 @@ def read_each(value, path, leaf, count, things='particles'):
                                       f'{things}, not {len(rows)}')
     numbers = [leaf.read(row, f'{path}[{i}]') for i, row in enumerate(rows)]
     return read_only(np.array(numbers, dtype=np.float64))
-
-
-def read_file(value, path, directory):
-    """Give the (N, 3) positions in a .npy or .csv file."""
-    name = Text(r'(?s:.+)\.(npy|csv)', 'must be the name of a .npy or .csv file').read(value, path)
-    read = _read_csv if name.endswith('.csv') else _read_npy
-    try:
-        return _vectors(read(directory / name))
-    except Exception as error:  # whatever a broken file makes its reader raise
-        problem = ' '.join(str(error).split()) or type(error).__name__
-        raise SceneError(path, name, f'must hold the positions (N, 3); {problem}') from None
-
-
-def _read_npy(path):
-    with open(path, 'rb') as file:
-        return np.lib.format.read_array(file, allow_pickle=False)
-
-
-def _read_csv(path):
-    """Read columns x, y, z; a first line with their names is skipped."""
-    with open(path, newline='', encoding='utf-8-sig') as file:
-        rows = [row for row in csv.reader(file) if row]
-    if rows and [name.strip().lower() for name in rows[0]] == ['x', 'y', 'z']:
-        rows = rows[1:]
-    return np.array(rows, dtype=np.float64).reshape(len(rows), 3)
 
 
 def read_only(array):
