@@ -398,7 +398,19 @@ MERGE = 'tag:yaml.org,2002:merge'
 
 
 class Loader(yaml.SafeLoader):
-    """YAML as people expect it: 1e-3 is a number, and a key given twice is an error."""
+    """
+    YAML with the numbers of its version 1.2, in which a key given twice is an error.
+
+    Source: YAML 1.2.2, section 10.3.2, core schema. PyYAML is of version 1.1, in which 010 is 8,
+    1:30 is 90, 1_000 a number, 1e3 none, and `no` is false.
+    """
+
+    yaml_implicit_resolvers = {}
+
+    def construct_whole_number(self, node):
+        """Give a whole number, written in tens, as 0o in eights or as 0x in sixteens."""
+        text = self.construct_scalar(node)
+        return int(text.replace('_', '?'), {'0o': 8, '0x': 16}.get(text[:2], 10))
 
     def compose_mapping_node(self, anchor):
         node = super().compose_mapping_node(anchor)
@@ -436,10 +448,16 @@ def _name(key):
     return key.value if isinstance(key, yaml.ScalarNode) else id(key)
 
 
-Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float',
-    re.compile(r'[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$'),
-    list('-+0123456789'))
+for _tag, _pattern, _first in (
+        ('null', r'~|null|Null|NULL|', '~nN'),
+        ('bool', r'true|True|TRUE|false|False|FALSE', 'tTfF'),
+        ('int', r'[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+', '-+0123456789'),
+        ('float', r'[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?'
+                  r'|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)', '-+.0123456789'),
+        ('merge', r'<<', '<')):
+    Loader.add_implicit_resolver(f'tag:yaml.org,2002:{_tag}', re.compile(rf'(?:{_pattern})\Z'),
+                                 [*_first, *[''] * (_tag == 'null')])
+Loader.add_constructor('tag:yaml.org,2002:int', Loader.construct_whole_number)
 
 
 def _quotes_hint(value) -> str:
@@ -447,7 +465,7 @@ def _quotes_hint(value) -> str:
     if not isinstance(value, str):
         return ''
     try:
-        float(value)
+        float(value.replace('_', '?'))      # Python reads 1_000, YAML does not
     except ValueError:
         return ''
     return ', written without quotes'

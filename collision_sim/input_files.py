@@ -55,6 +55,13 @@ def as_text(data):
     return data.rstrip(b'\0\x1a').replace(b'\r\n', b'\n').replace(b'\r', b'\n')
 
 
+def refuse_underscores(words):
+    """Give words, bytes, that are to be numbers; Python would take 1_000 for one."""
+    if b'_' in b''.join(words):
+        raise ValueError('there must be no underscores in numbers')
+    return words
+
+
 def read_table(value, path, directory, count, kind, what, titles=()):
     """
     Read the rows of numbers in a .npy or .csv file.
@@ -138,7 +145,7 @@ def _is_number(entry):
 
 def _number(entry, kind, line):
     try:
-        return kind(entry)
+        return kind(entry.replace('_', '?'))        # Python would read 1_000
     except ValueError:
         whole = ' whole' if kind is int else ''
         raise ValueError(f'line {line}: {entry.strip()[:40]!r} is no{whole} number') from None

@@ -26,7 +26,7 @@ import re
 import warnings
 
 from collision_sim.checks import SceneError, SceneWarning, Text
-from collision_sim.input_files import as_text, open_file
+from collision_sim.input_files import as_text, open_file, refuse_underscores
 from collision_sim.ply import read_ply
 from collision_sim.rib import read_rib
 import numpy as np
@@ -115,7 +115,7 @@ def _lines(data, comment=b'#'):
 def _read_numbers(kind, words, number):
     """Give words of a line as numbers."""
     try:
-        return [kind(word) for word in words]
+        return [kind(word) for word in refuse_underscores(words)]
     except ValueError as error:
         raise ValueError(f'line {number}: {error}') from None
 
@@ -207,7 +207,7 @@ def _off_by_number(data, skipped, count, faces, width, others, error):
     """Read what ends its lines anywhere; raises the error if nothing fits."""
     words, ends = [], []
     for _, line in _lines(data):
-        words += line
+        words += refuse_underscores(line)
         ends += [len(words)] * len(line)
     for more, colours in product(others, (False, True)):
         start = skipped + (width + more) * count
@@ -261,7 +261,7 @@ def _facets(text):
             if size is None:
                 raise ValueError(f'a vertex must be in a facet, after facet {len(sizes)}')
             try:
-                vertices += map(float, found.groups())
+                vertices += map(float, refuse_underscores(found.groups()))
             except ValueError as error:
                 raise ValueError(f'facet {len(sizes)}: {error}') from None
             size += 1

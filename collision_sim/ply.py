@@ -22,7 +22,7 @@ of triangles.
 from itertools import chain
 import re
 
-from collision_sim.input_files import as_text
+from collision_sim.input_files import as_text, refuse_underscores
 import numpy as np
 
 MOST_HEADER = 2 ** 16       # bytes
@@ -128,6 +128,7 @@ def _read_header(data):
 
 def _read_text(body, elements):
     """Give the columns of each element, and what comes after; a row a line, or else in a row."""
+    refuse_underscores([body])
     lines = [words for words in map(bytes.split, as_text(body).split(b'\n')) if words]
     try:
         return _text_columns(lines, elements, by_line=True)

@@ -26,7 +26,7 @@ from array import array
 import math
 import re
 
-from collision_sim.input_files import as_text
+from collision_sim.input_files import as_text, refuse_underscores
 import numpy as np
 
 TOKEN = re.compile(rb'#[^\n]*|"((?:[^"\\]|\\.)*)"|([\[\]])|([A-Za-z][A-Za-z0-9_:]*)|'
@@ -124,7 +124,7 @@ def _requests(data):
 
 def _float(word, line):
     try:
-        return float(word)
+        return float(*refuse_underscores([word]))
     except ValueError:
         raise ValueError(f'line {line}: {word[:40]!r} is no number') from None
 
