@@ -240,28 +240,34 @@ def spirals(count, size):
     return '\n'.join(rows).encode(), exact
 
 
-def test_long_polygons_are_cut_in_the_time_that_their_corners_take(tmp_path, monkeypatch):
-    """Each corner is looked at a few times, whatever the machine: counted, not measured."""
+@pytest.mark.skipif(not config.DISABLE_JIT, reason='counts calls of what is else compiled')
+def test_each_corner_of_a_long_polygon_is_looked_at_some_three_times(tmp_path, monkeypatch):
     content, exact = spirals(1, 98)
     write(tmp_path, 'a.obj', content)
     looks, look = [], polygons._is_ear
     monkeypatch.setattr(polygons, '_is_ear', lambda *args: looks.append(1) or look(*args))
-    if not config.DISABLE_JIT:
-        for name in ('_cut_ears', '_cut_some'):
-            monkeypatch.setattr(polygons, name, getattr(polygons, name).py_func)
     assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(exact)
     assert len(looks) < 3 * 98
 
 
-def test_signals_are_heard_between_slices_of_the_work(tmp_path, monkeypatch):
-    """Python gets its turn again and again while polygons are cut."""
+@pytest.mark.jit
+def test_long_polygons_are_cut_in_slices_between_which_signals_are_heard(tmp_path, monkeypatch):
+    """200 spirals of 998 corners, 800 kB, took minutes in one call."""
+    content, exact = spirals(200, 998)
+    write(tmp_path, 'a.obj', content)
+    calls, some = [], polygons._cut_some
+    monkeypatch.setattr(polygons, '_cut_some', lambda *args: calls.append(1) or some(*args))
+    assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(200.0 * exact)
+    assert len(calls) > 10
+
+
+@pytest.mark.skipif(not config.DISABLE_JIT, reason='compiled code keeps its budget')
+def test_a_polygon_may_take_several_slices(tmp_path, monkeypatch):
     content, exact = spirals(3, 60)
     write(tmp_path, 'a.obj', content)
     calls, some = [], polygons._cut_some
     monkeypatch.setattr(polygons, '_cut_some', lambda *args: calls.append(1) or some(*args))
     monkeypatch.setattr(polygons, 'BUDGET', 500)
-    if not config.DISABLE_JIT:      # compiled code has the budget it was compiled with
-        some = some.py_func
     assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(3.0 * exact)
     assert len(calls) > 10
 
