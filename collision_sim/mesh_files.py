@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Files with meshes: OBJ, OFF and STL; PLY is in ply.py, RIB in rib.py.
+Files with meshes: OBJ, OFF and STL; ply.py, rib.py and mesh_bodies.py read other formats.
 
 A reader takes the bytes of a file, follows no reference out of it and gives vertices (V, 3), the
 corners of all polygons one after the other, how many corners each has, and remarks on what it has
@@ -21,12 +21,14 @@ left out. It raises ValueError where the file is not what it should be. What a h
 compared with the size of the file before memory is taken.
 """
 
+from functools import partial
 from itertools import islice, product
 import re
 import warnings
 
 from collision_sim.checks import SceneError, SceneWarning, Text
 from collision_sim.input_files import as_text, open_file, refuse_underscores
+from collision_sim.mesh_bodies import read_bodies
 from collision_sim.ply import read_ply
 from collision_sim.rib import read_rib
 import numpy as np
@@ -277,4 +279,5 @@ def _facets(text):
     return vertices, np.arange(sum(sizes)), sizes, []
 
 
-READERS = {'obj': _read_obj, 'off': _read_off, 'ply': read_ply, 'rib': read_rib, 'stl': _read_stl}
+READERS = {'obj': _read_obj, 'off': _read_off, 'ply': read_ply, 'rib': read_rib, 'stl': _read_stl,
+           **{kind: partial(read_bodies, kind=kind) for kind in ('glb', 'gltf', '3mf')}}
