@@ -50,6 +50,8 @@ setup(
     extras_require={
         # The figures of `collision_sim report`.
         'report': ['matplotlib'],
+        # Meshes in glTF and 3MF files.
+        'meshes': ['lxml', 'networkx', 'trimesh'],
         # `collision_sim run` with --record and --poses.
         'record': ['rosbags>=0.11'],
         # `collision_sim sweep` on a Dask cluster, and its tables in Parquet.
@@ -78,7 +80,9 @@ setup(
             'flake8-import-order',
             'flake8-quotes',
             'hypothesis',
+            'lxml',
             'matplotlib',
+            'networkx',
             'pyarrow',
             'pydocstyle',
             'pytest',
@@ -87,6 +91,7 @@ setup(
             'rosbags>=0.11',
             'scipy',
             'selenium',
+            'trimesh',
             'viser>=1.0,<2',
         ],
     },

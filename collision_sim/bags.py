@@ -20,6 +20,7 @@ import shutil
 import struct
 
 from collision_sim.checks import SceneError
+from collision_sim.input_files import check_ordinary
 from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                 QosTime)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
@@ -28,6 +29,8 @@ from rosbags.typesys import get_typestore, Stores
 
 # The records that end an MCAP file without an index: DataEnd, Footer, and the magic bytes.
 END = struct.pack('<BQI', 0x0F, 4, 0) + struct.pack('<BQQQI', 0x02, 20, 0, 0, 0) + b'\x89MCAP0\r\n'
+COMPRESSED = b'\x28\xb5\x2f\xfd'      # begins what zstd made; no serialized message begins so
+LARGEST = 2 ** 20   # bytes of a message that is decompressed
 LEVEL = 1           # of zstd; its default takes two and a half times as long for the same size
 BUFFER = 2 ** 23    # bytes; a chunk and its end go to disk in one piece
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
@@ -141,11 +144,12 @@ def read_bag(path, topics, kind):
 
     """
     try:
+        _check_files(path)
         with Reader(path) as reader:
             there = {connection.topic: connection.msgtype for connection in reader.connections}
             wanted = [connection for connection in reader.connections
                       if connection.topic in topics and connection.msgtype == kind]
-            messages = [(time, connection.topic, bytes(data))
+            messages = [(time, connection.topic, _decompressed(bytes(data)))
                         for connection, time, data in reader.messages(wanted)] if wanted else []
             start = reader.start_time
     except OSError:
@@ -158,3 +162,24 @@ def read_bag(path, topics, kind):
                                           f'there is {listing or "nothing"}')
     messages.sort(key=lambda message: message[0])
     return start, messages
+
+
+def _check_files(path):
+    """Raise OSError where a file of a bag is a pipe or a device, which might never end."""
+    if not os.path.isdir(path):
+        check_ordinary(path)
+        return
+    for entry in os.scandir(path):
+        if not entry.is_dir():
+            check_ordinary(entry.path)
+
+
+def _decompressed(message):
+    """
+    Give a message of a bag whose messages are compressed one by one.
+
+    That they are is said by the metadata of the bag, but not in each of its files.
+    """
+    if not message.startswith(COMPRESSED):
+        return message
+    return zstd.ZstdDecompressor().decompress(message, LARGEST)

@@ -20,8 +20,10 @@ code; only the module of the one that was asked for is imported.
 """
 
 import argparse
+from functools import partial
 from importlib import import_module
 import sys
+import warnings
 
 COMMANDS = {
     'run': ('collision_sim.studies.run', 'run a scene and say what happened'),
@@ -76,6 +78,15 @@ def parse(words):
     return parser.parse_args(words)
 
 
+def _show(others, message, category, *place):
+    """Print a warning about a scene in a line, as an error would be; leave others to `others`."""
+    from collision_sim.checks import SceneWarning
+    if issubclass(category, SceneWarning):
+        print(f'collision_sim: warning: {message}', file=sys.stderr)
+    else:
+        others(message, category, *place)
+
+
 def main(words=None):
     """
     Do what the command line asks for.
@@ -93,8 +104,10 @@ def main(words=None):
     """
     from collision_sim.checks import SceneError
     try:
-        arguments = parse(sys.argv[1:] if words is None else list(words))
-        return arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = partial(_show, warnings.showwarning)
+            arguments = parse(sys.argv[1:] if words is None else list(words))
+            return arguments.run(arguments)
     except (SceneError, OSError) as error:
         print(f'collision_sim: {error}', file=sys.stderr)
         return REFUSED

@@ -172,3 +172,13 @@ def test_no_steps(tmp_path, capsys):
     path.write_text(SCENE.replace('0.001', '0.0'))
     assert cli.main(['run', str(path)]) == 0
     assert 'simulated time    0 s in 0 steps' in capsys.readouterr().out
+
+
+def test_warnings_about_a_scene_take_a_line(tmp_path, capsys):
+    """What is left out of a mesh is said as an error would be, and the run goes on."""
+    (tmp_path / 'a.obj').write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 2\n')
+    (tmp_path / 'a.yaml').write_text('colliders: [{name: a, shape: mesh, file: a.obj}]')
+    assert cli.main(['run', str(tmp_path / 'a.yaml'), '--duration', '0.01']) == 0
+    assert capsys.readouterr().err == (
+        "collision_sim: warning: colliders.a.file: 'a.obj': 1 faces without area are left out; "
+        'the first is 1\n')

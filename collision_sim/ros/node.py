@@ -332,7 +332,8 @@ def run(args, stopped):
     args : list of str or None
         As of the command line.
     stopped : list
-        Filled by somebody else, such as a signal handler.
+        Filled by somebody else, such as a signal handler. While the scene is being loaded signals
+        end that instead.
 
     Returns
     -------
@@ -351,6 +352,8 @@ def run(args, stopped):
     except (ParameterException, RuntimeError, ValueError) as error:
         print('collision_sim_node: %s' % error, file=sys.stderr)
         status = 1
+    except KeyboardInterrupt:       # while the scene was being loaded
+        pass
     if node is not None:
         node.destroy_node()
     rclpy.try_shutdown()

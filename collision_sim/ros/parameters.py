@@ -23,9 +23,12 @@ A new value is checked by the scene when it is asked for (on_set) and applied wh
 from collections import Counter
 from functools import partial
 import sys
+import warnings
 
+from collision_sim.checks import SceneWarning
 from collision_sim.particles import read_shard
 from collision_sim.ros.rare_warnings import RareWarnings
+from collision_sim.ros.start import interruptible
 from collision_sim.scene import load_scene, Parameter, SceneError
 from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange
@@ -115,10 +118,20 @@ def declare_fixed(node):
         _check_clock(node.get_parameter('use_sim_time').value)
         if start:
             raise SceneError('start_time', start, 'must be 0 with publish_clock')
-    scene = load_scene(name)
+    scene = _loaded(node, name)
     if shard:
         scene, name = scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
     return scene, name, publish_clock, start
+
+
+def _loaded(node, name):
+    """Load a scene; log what is warned of, and let a signal end it."""
+    with warnings.catch_warnings(record=True) as found, interruptible():
+        warnings.simplefilter('always', SceneWarning)
+        scene = load_scene(name)
+    for warning in found:
+        node.get_logger().warning(str(warning.message))
+    return scene
 
 
 def declare_values(node, scene):

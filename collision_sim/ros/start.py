@@ -18,11 +18,37 @@ Starts and ends the node.
 Apart from the node, so that signals are taken care of before anything is imported that takes long.
 """
 
+from contextlib import contextmanager
 import os
 import signal
 import sys
+import threading
 
 STOP = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def interruptible():
+    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt meanwhile, in the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in STOP}
+
+    def restore():
+        for number in STOP:
+            signal.signal(number, before[number])
+
+    def interrupt(number, frame):
+        restore()
+        raise KeyboardInterrupt
+
+    try:
+        for number in STOP:
+            signal.signal(number, interrupt)
+        yield
+    finally:
+        restore()
 
 
 def main(args=None):

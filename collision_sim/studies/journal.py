@@ -27,6 +27,7 @@ from pathlib import Path
 import sys
 
 from collision_sim.checks import SceneError
+from collision_sim.input_files import check_ordinary
 import numpy as np
 
 RESTART = '--restart begins anew, another --out leaves it'
@@ -87,6 +88,8 @@ class Journal:
 
     def __init__(self, path, word, restart=False):
         self.path, self.rows = Path(path), {}
+        if self.path.exists():
+            check_ordinary(self.path)
         self._file = open(self.path, 'a+b')
         try:
             self._lock()
