@@ -182,8 +182,8 @@ def test_end_twists_of_a_constant_acceleration_are_exact():
 ])
 def test_end_twists_take_the_smaller_change(values, before, half):
     """Minmod: half of the smaller change where two agree in sign, else the chord itself."""
-    start, end, _ = core.end_twists(chords(values), np.where(np.isnan(before), np.nan, 1.0)[:, None]
-                                 * chords(np.nan_to_num(before)))
+    history = np.where(np.isnan(before), np.nan, 1.0)[:, None] * chords(np.nan_to_num(before))
+    start, end, _ = core.end_twists(chords(values), history)
     assert_array_equal(end[:, 0] - chords(values)[:, 0], half)
     assert_array_equal(chords(values)[:, 0] - start[:, 0], half)
     assert_array_equal(start[:, 1:], 0.0)

@@ -65,9 +65,9 @@ def end_distance(meshes, rules, here, table, poses, c, x0, x1):
 
 @kernel
 def _end_in_faces(rules, here, table, poses, c, x0, x1):
-    """Height and normal as `end_distance`, of a particle whose centre ends in a box or cylinder."""
-    if _depth_in_faces(rules, here, table, poses, c, x0) > rounding_depth(here, table, poses, c,
-                                                                         x0):
+    """Height and normal as `end_distance`, of a particle whose centre ends in a body with faces."""
+    rounding = rounding_depth(here, table, poses, c, x0)
+    if _depth_in_faces(rules, here, table, poses, c, x0) > rounding:
         return nearest_face(rules, here, table, poses, here.end, c, x1)
     height, n, _ = crossed_face(rules, here, table, poses, c, x0, x1)
     return height, n
@@ -302,7 +302,7 @@ def _is_left(sweep, rules, here, table, poses, motion, press, touch, x0, x1, v0)
 
 @inlined
 def _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n, stays):
-    """Give the Touch of a collision with v0 where the step ends, NOTHING if it does not approach."""
+    """Return the Touch of a collision with v0 where the step ends, NOTHING without approach."""
     obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
     v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
         rules.second, here, table, poses, k, x0, v0, u, obj))
@@ -401,7 +401,8 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
 
     Where the particle touches at the start, and ends inside on the same side, the normal is that
     at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
-    gain energy. The face that it touches is taken to go on beyond its edges. A collider that it started inside of counts as hit at the start if it ends inside.
+    gain energy. The face that it touches is taken to go on beyond its edges. A collider that it
+    started inside of counts as hit at the start if it ends inside.
     """
     phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
     arm = subtract(x0, origin(poses, here.start, k))
@@ -432,7 +433,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
 
 @inlined
 def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n, arm, stays):
-    """Give the Touch of a collision with v0 at time tau, NOTHING if it does not approach."""
+    """Return the Touch of a collision with v0 at time tau, NOTHING without approach."""
     obj = path_velocity(motion, here.step, k, arm, rules.flight.dt)
     if tau == 0.0:
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)

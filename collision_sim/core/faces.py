@@ -170,7 +170,8 @@ def is_covered(rules, here, table, poses, row, c, face, q, x0, starts_inside):
     place = origin(poses, row, c)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
     p = _drawn_in(table, c, face, q, margin)
-    probe = add(rotate(poses, row, c, add_scaled(p, margin, _face_at(table, c, face, p)[1])), place)
+    before = add_scaled(p, margin, _face_at(table, c, face, p)[1])
+    probe = add(rotate(poses, row, c, before), place)
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         if k != c and signed_distance(rules.present, table, poses, row, k,

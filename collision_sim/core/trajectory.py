@@ -225,8 +225,8 @@ def only_grazes(present, table, poses, motion, step, row, c, radius, x0, dx, tau
     """
     Whether a particle that hits an edge or a cap at time tau comes no deeper than touching it.
 
-    It goes level over flush tiles then, or along a row of rods. From outside the distance is convex
-    along a straight way. For a collider that turns, and for other shapes, the answer is no.
+    It goes level over flush tiles then, or along a row of rods. From outside the distance is
+    convex along a straight way. For a collider that turns, and for other shapes, it is no.
     """
     kind = table[c, KIND]
     if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER and kind != CAPSULE):

@@ -36,7 +36,7 @@ def run(colliders, position, method, detection, **scene):
 
 def two_boxes():
     """Give two flush boxes whose seam is y = 0; their top is z = 0."""
-    return [box((4.0, 1.0, 0.2), (0.0, -0.5, -0.1), 'a'), box((4.0, 1.0, 0.2), (0.0, 0.5, -0.1), 'b')]
+    return [box((4.0, 1.0, 0.2), (0.0, y, -0.1), name) for name, y in (('a', -0.5), ('b', 0.5))]
 
 
 def floor_of(kind, depth=0.25):
@@ -143,7 +143,7 @@ def test_a_start_in_a_stack_of_boxes_comes_out(method, detection, start):
     """
     Eight cubes side by side, in the middle, on seams and anywhere: not to a covered face.
 
-    `single_pass` answers each cube by itself, so those that push to opposite sides slow each other.
+    `single_pass` answers each cube by itself: those that push to opposite sides slow each other.
     """
     cubes = [box((1.0, 1.0, 1.0), place, f'cube_{k}')
              for k, place in enumerate(product((0.0, 1.0), repeat=3))]
