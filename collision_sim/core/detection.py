@@ -65,7 +65,7 @@ def end_distance(meshes, rules, here, table, poses, c, x0, x1):
 
 @kernel
 def _end_in_faces(rules, here, table, poses, c, x0, x1):
-    """Height and normal as `end_distance`, of a particle whose centre ends in a body with faces."""
+    """Height and normal as `end_distance`, of a particle whose centre ends inside faces."""
     rounding = rounding_depth(here, table, poses, c, x0)
     if _depth_in_faces(rules, here, table, poses, c, x0) > rounding:
         return nearest_face(rules, here, table, poses, here.end, c, x1)
