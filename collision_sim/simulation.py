@@ -21,10 +21,12 @@ What happens in a scene: particles, colliders and time.
 from dataclasses import replace
 import math
 from numbers import Integral, Real
+from time import perf_counter
 from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.lines import in_lines
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
@@ -36,6 +38,9 @@ from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
 import numpy as np
+
+MOST_STEPS = 10 ** 15   # of a call; time, a number of steps times dt, is exact to rounding as far
+PIECE = 0.1             # s; steps that are taken at once, if one does not take longer
 
 
 class Contacts(NamedTuple):
@@ -105,7 +110,7 @@ class Simulation:
             if np.any(radius) else None
         self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
-        self.reset()
+        self._reset()
 
     @staticmethod
     def _size_of_blocks(scene):
@@ -140,6 +145,10 @@ class Simulation:
 
     def reset(self):
         """Go back to the start: particles, colliders, time and counters; parameters stay."""
+        with held():
+            self._reset()
+
+    def _reset(self):
         self._x[:] = self.scene.particles.position.T
         self._v[:] = self.scene.particles.velocity.T
         self._since, self._count = 0.0, 0
@@ -283,9 +292,9 @@ class Simulation:
             Not negative.
 
         """
-        if type(n) is not int and not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
-            raise SceneError('step', n, 'must be a whole number that is not negative')
-        self._go_on(n, 0.0)
+        if not isinstance(n, Integral) or isinstance(n, bool) or not 0 <= n <= MOST_STEPS:
+            raise SceneError('step', n, f'must be a whole number from 0 to {MOST_STEPS}')
+        self._go_on(int(n), 0.0)
 
     def advance(self, duration):
         """
@@ -323,25 +332,48 @@ class Simulation:
 
     def _go_on(self, n, rest):
         """Take n steps of dt and, if that is more than 0, one of the duration `rest` [s]."""
-        if self._books:
-            self._books.begin(self._x, self._v)
-        dt, colliders = self.scene.stepping.dt, self._colliders
+        hold()
+        try:
+            if self._books:
+                self._books.begin(self._x, self._v)
+            try:
+                self._take(n)
+                if rest > 0.0:
+                    self._take_one_of(rest)
+            finally:
+                if self._books:
+                    self._books.end(self.scene, self._x, self._v)
+        finally:
+            release()
+
+    def _take(self, n):
+        """
+        Take n steps of dt, in pieces that are not to last longer than PIECE.
+
+        Between them signals are handled. They change nothing else, as calls with fewer steps do.
+        """
+        dt, colliders, most = self.scene.stepping.dt, self._colliders, 1
         while n > 0 and dt > 0.0:
             first = self._count if self._since == 0.0 else self.time / dt
-            steps = colliders.lay_out(n, first, dt)
-            self._move_particles(steps, dt, self._rules)
-            colliders.go_on(steps)
-            self._count += steps
+            began = perf_counter() if n > 1 else 0.0
+            steps = colliders.lay_out(min(n, most), first, dt)
+            for part in [1] * steps if self._coupling else [steps]:
+                self._move_particles(part, dt, self._rules)
+                colliders.go_on(part)
+                self._count += part
             n -= steps
-        if rest > 0.0:
-            stepping = replace(self.scene.stepping, dt=rest)
-            rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
-            self._colliders.lay_out(1, self.time / rest, rest)
-            self._move_particles(1, rest, rules)
-            self._colliders.go_on(1)
-            self._since, self._count = self.time + rest, 0
-        if self._books:
-            self._books.end(self.scene, self._x, self._v)
+            if n > 0:
+                let_in()
+                most = max(int(steps * PIECE / (perf_counter() - began)), 1)
+
+    def _take_one_of(self, duration):
+        """Take a step of another duration than dt [s]."""
+        stepping = replace(self.scene.stepping, dt=duration)
+        rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
+        self._colliders.lay_out(1, self.time / duration, duration)
+        self._move_particles(1, duration, rules)
+        self._colliders.go_on(1)
+        self._since, self._count = self.time + duration, 0
 
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
@@ -355,7 +387,7 @@ class Simulation:
                   colliders.courses, self._radius, self._log, self._accounts, self._notes, self._x,
                   self._v, self._ledger)
         elif self._coupling is not None:
-            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion), steps,
+            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion),
                                 colliders.row, self._threads)
         else:
             if self._planned != colliders.laid_out:
@@ -411,7 +443,9 @@ class Simulation:
             As `set_parameter`.
 
         """
-        self._adopt(self.scene.with_parameters(changes))
+        scene = self.scene.with_parameters(changes)
+        with held():
+            self._adopt(scene)
 
     def move_collider(self, name, position, orientation, twist=None):
         """
@@ -455,7 +489,8 @@ class Simulation:
             As `move_collider`; none has moved then.
 
         """
-        self._colliders.move(names, positions, orientations, twists, self.dt)
+        with held():
+            self._colliders.move(names, positions, orientations, twists, self.dt)
 
     def place_collider(self, name, position, orientation):
         """
@@ -474,7 +509,8 @@ class Simulation:
             As `move_collider`.
 
         """
-        self._colliders.place(name, position, orientation)
+        with held():
+            self._colliders.place(name, position, orientation)
 
 
 def _coupling(scene):

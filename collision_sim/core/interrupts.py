@@ -85,9 +85,15 @@ def is_held():
     return _depth > 0
 
 
-def waits():
-    """Whether a signal waits for nothing but the next `release`."""
-    return bool(_came) and _depth == 1
+def let_in():
+    """Handle a signal that waits for nothing but the next `release`: the state is whole."""
+    global _open
+    if _came and _depth == 1 and get_ident() == _main:
+        try:
+            _open = True
+            _receive(_came[0], sys._getframe())
+        finally:
+            _open = False
 
 
 def aside(function, *args):

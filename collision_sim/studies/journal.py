@@ -27,6 +27,7 @@ from pathlib import Path
 import sys
 
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held
 from collision_sim.studies.drafts import write_whole
 import numpy as np
 
@@ -108,7 +109,8 @@ class Journal:
     def add(self, index, row):
         """Keep the outcome of a run, on disk before this returns."""
         line = json.dumps([index, row])
-        write_whole(self._file, line.encode() + b'\n')
+        with held():
+            write_whole(self._file, line.encode() + b'\n')
         self.rows[index] = json.loads(line)[1]      # the same whether it is read later or not
 
     def leave(self, runs):
