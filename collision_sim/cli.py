@@ -116,6 +116,9 @@ def _do(words, listener):
         if isinstance(error, (SceneError, OSError)):
             print(f'collision_sim: {error}', file=sys.stderr)
             return REFUSED
+        if isinstance(error, MemoryError):
+            print(f'collision_sim: not enough memory: {error}', file=sys.stderr)
+            return REFUSED
         raise
 
 

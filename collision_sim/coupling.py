@@ -57,6 +57,10 @@ class Coupling:
         self._pairs = PairSolver(scene) if scene.pairs else None
         self.adopt(scene)
 
+    def __getstate__(self):
+        """Give what a copy goes on from; threads are not taken along."""
+        return {**vars(self), '_crew': None, '_parts': None}
+
     def adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
         self.parts, self._springs, self._compiled = 1, scene.springs, set()

@@ -18,6 +18,7 @@ What happens in a scene: particles, colliders and time.
 `Simulation.step` owns the order of things; the arithmetic is in `core`.
 """
 
+from copy import deepcopy
 from dataclasses import replace
 import math
 from numbers import Integral, Real
@@ -40,6 +41,7 @@ import numba
 import numpy as np
 
 MOST_STEPS = 10 ** 15   # of a call; time, a number of steps times dt, is exact to rounding as far
+MOST_THREADS = 10 ** 4
 PIECE = 0.1             # s; steps that are taken at once, if one does not take longer
 
 
@@ -93,12 +95,23 @@ class Simulation:
     """
 
     def __init__(self, scene, contacts=True, threads=None, ledger=False):
+        try:
+            self._begin(scene, contacts, threads, ledger)
+        except MemoryError as error:
+            raise SceneError('particles', len(scene.particles.position),
+                             f'must fit into memory: {error}') from None
+
+    def _begin(self, scene, contacts, threads, ledger):
+        """Make room for the state, and begin with that of the scene."""
         self.record_contacts = bool(contacts)
-        self._threads = threads or numba.get_num_threads()
+        if threads is not None and not _is_whole(threads, 1, MOST_THREADS):
+            raise SceneError('threads', threads, f'must be a whole number from 1 to {MOST_THREADS}'
+                                                 ', or None')
+        self._threads = int(threads or numba.get_num_threads())
         self._colliders = Kinematics(scene)
         self._meshes = mesh_tables(scene)
-        count = len(scene.particles.position)
-        self._x, self._v = (in_lines(3 * count).reshape(3, count) for _ in range(2))
+        self._x, self._v = (_laid_in_lines(table.T) for table in (
+            scene.particles.position, scene.particles.velocity))
         self._block = self._size_of_blocks(scene)
         blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
@@ -158,6 +171,28 @@ class Simulation:
             self._coupling.reset()
         if self._books:
             self._books.clear()
+
+    # ------------------------------------------------------------------ copies
+
+    def __getstate__(self):
+        """Give what a copy goes on from; threads are not taken along."""
+        return {**vars(self), '_crew': None, '_planned': None}
+
+    def __setstate__(self, state):
+        vars(self).update(state)
+        self._x, self._v = (_laid_in_lines(table) for table in (self._x, self._v))
+
+    def __copy__(self):
+        """As deepcopy: a copy goes on by itself."""
+        return deepcopy(self)
+
+    def __deepcopy__(self, memo):
+        """Copy what changes; scenes do not, so the copy has the same one."""
+        memo |= {id(each): each for each in (self.scene, self.scene.springs)}
+        memo[id(self)] = other = type(self).__new__(type(self))
+        with held():
+            other.__setstate__(deepcopy(self.__getstate__(), memo))
+        return other
 
     # ------------------------------------------------------------------ state
 
@@ -230,7 +265,10 @@ class Simulation:
         Contacts
 
         """
-        return self._every_contact(max(1, -(-int(self._accounts[:, N_LOGGED].sum()) // most)))
+        if not _is_whole(most, 1, math.inf):
+            raise SceneError('some_contacts', most, 'must be a whole number from 1 on')
+        count = int(self._accounts[:, N_LOGGED].sum())
+        return self._every_contact(max(1, -(-count // int(most))))
 
     def _every_contact(self, stride):
         """Give Contacts of every first, second, ... row of the logs of all blocks."""
@@ -292,7 +330,7 @@ class Simulation:
             Not negative.
 
         """
-        if not isinstance(n, Integral) or isinstance(n, bool) or not 0 <= n <= MOST_STEPS:
+        if not _is_whole(n, 0, MOST_STEPS):
             raise SceneError('step', n, f'must be a whole number from 0 to {MOST_STEPS}')
         self._go_on(int(n), 0.0)
 
@@ -316,6 +354,10 @@ class Simulation:
         """
         if not (isinstance(duration, Real) and 0.0 <= duration < math.inf):
             raise SceneError('advance', duration, 'must be a finite number that is not negative')
+        duration = float(duration)
+        if duration > MOST_STEPS * self.dt > 0.0:
+            raise SceneError('advance', duration, f'must be at most {MOST_STEPS * self.dt:g} s, '
+                                                  f'{MOST_STEPS} steps of {self.dt:g} s')
         steps = round(duration / self.dt) if self.dt > 0.0 else 0
         rest = duration - steps * self.dt
         if self._forces is None or self.dt == 0.0 or abs(rest) <= self._blur():
@@ -511,6 +553,18 @@ class Simulation:
         """
         with held():
             self._colliders.place(name, position, orientation)
+
+
+def _is_whole(value, low, high):
+    """Whether a value is a whole number, of whatever type, from one to another."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and low <= value <= high
+
+
+def _laid_in_lines(table):
+    """Copy a table of three rows so that it begins with a cache line."""
+    lines = in_lines(table.size).reshape(table.shape)
+    lines[:] = table
+    return lines
 
 
 def _coupling(scene):

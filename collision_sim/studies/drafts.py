@@ -54,6 +54,7 @@ def write_whole(file, line):
     file : io.FileIO
         Without a buffer, at its end.
     line : bytes
+        With its end.
 
     """
     before = os.fstat(file.fileno()).st_size

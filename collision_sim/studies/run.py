@@ -28,7 +28,7 @@ from collision_sim.listener import heard
 from collision_sim.particles import read_shard
 from collision_sim.recording import MESSAGES, Recording, Replay, require_rosbags
 from collision_sim.scene import load_scene, shipped_scenes
-from collision_sim.simulation import Simulation
+from collision_sim.simulation import MOST_STEPS, Simulation
 from collision_sim.studies.states import FORMATS, StatesCsv, StatesNpz, write_state
 from tqdm import tqdm
 
@@ -148,7 +148,7 @@ class Periodic:
     """
 
     def __init__(self, action, period):
-        self._action, self._period = action, period
+        self._action, self._period = action, max(period, 1.0)
         self._count = self.due = 0
 
     def do(self):
@@ -177,6 +177,18 @@ def go(total, periodic, step):
             step(count)
             bar.update(count)
             done += count
+
+
+def steps_in(duration, dt, every):
+    """Give how many steps a run takes, with states once in so many seconds, if not None."""
+    if dt == 0.0:
+        return 0
+    if not duration <= MOST_STEPS * dt:
+        raise SceneError('--duration', duration, f'must be at most {MOST_STEPS * dt:g} s, '
+                                                 f'{MOST_STEPS} steps of {dt:g} s')
+    if every and every < dt * (1.0 - ROUNDING):
+        raise SceneError('--every', every, f'must be at least a step, {dt:g} s')
+    return round(duration / dt)
 
 
 def steps_of(sim):
@@ -266,11 +278,11 @@ def run(arguments):
     replay = open_replay(arguments, scene)
     duration = arguments.duration or (replay.duration if replay else DURATION)
     contacts = bool(arguments.record) and 'contacts' in arguments.topics
+    total = steps_in(duration, scene.stepping.dt, arguments.every)
     sim = Simulation(scene, contacts)
     sim.step()                          # compiles
     sim.reset()
     before = sim.energy()
-    total = round(duration / sim.dt) if sim.dt > 0.0 else 0
     spent, code = write_over_time(arguments, sim, total, replay)
     print('\n'.join(outcome(sim, before, spent, replay)))
     return code
