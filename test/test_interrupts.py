@@ -94,18 +94,15 @@ def test_the_state_is_that_of_its_time(name, ctrl_c):
     """Whenever a call of step is interrupted, the state is that of whole steps, to the bit."""
     sim, interruptions = scene(name), 0
     sim.step()
-    until = time.monotonic() + 3.0
     with suppress(KeyboardInterrupt), Interrupter():
-        while interruptions < 30 and time.monotonic() < until:
+        while interruptions < 10:
             try:
-                sim.step(10 ** 6)
+                sim.step(10 ** 12)
             except KeyboardInterrupt:
                 interruptions += 1
-    assert interruptions > 0
     steps = round(sim.time / sim.dt)
     other = scene(name)
-    for _ in range(steps):
-        other.step()
+    other.step(steps)
     assert state(sim) == state(other)
     assert sim.ledger.total.residual == pytest.approx(0.0, abs=1e-9)
     assert sim.ledger.total.change == pytest.approx(other.ledger.total.change)
