@@ -128,13 +128,13 @@ class Coupling:
     def _crew_for(self, parts):
         """Give the crew of a substep; that of the last one, where it works on the same parts."""
         if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
-            self._parts = parts
-            plan = make_plan(parts._replace(candidates=self._candidates))
-            self._crew = Crew(step_blocks, plan, stays=False)
+            crew = Crew(step_blocks, make_plan(parts._replace(candidates=self._candidates)),
+                        stays=False)
             kind = tuple(part is None for part in parts)
-            if kind not in self._compiled:
-                self._crew.prepare()
+            if kind not in self._compiled:      # before anything changes
+                crew.prepare()
                 self._compiled.add(kind)
+            self._crew, self._parts = crew, parts
         return self._crew
 
     def _strike(self, parts, threads):

@@ -258,3 +258,52 @@ def test_ctrl_c_at_any_time(words, tmp_path):
         _, error = process.communicate(timeout=PATIENCE)
         assert process.returncode in (130, 0 if words[0] == 'view' else 130), error
         assert 'Traceback' not in error and 'ignored' not in error
+
+
+EACH_ONCE = """
+import sys
+sys.path.insert(0, 'test')
+from collision_sim.core import jit
+from test_interrupts import scene, state
+
+aside, seen = jit.aside, set()
+
+def interrupted(compile_here, signature):
+    key = compile_here, signature
+    if key not in seen:
+        seen.add(key)
+        raise KeyboardInterrupt
+    return aside(compile_here, signature)
+
+jit.aside = interrupted
+sim = None
+while sim is None:
+    try:
+        sim = scene(sys.argv[1])
+    except KeyboardInterrupt:
+        pass
+interruptions, before = 0, [state(sim)]
+while sim.time < 60 * sim.dt:
+    try:
+        sim.step()
+        before.append(state(sim))
+    except KeyboardInterrupt:
+        interruptions += 1
+        assert state(sim) == before[-1]
+jit.aside = aside
+other = scene(sys.argv[1])
+for expected in before:
+    assert state(other) == expected
+    other.step()
+print(interruptions)
+"""
+
+
+@pytest.mark.jit
+@pytest.mark.parametrize('name', ['moving', 'pairs', 'springs'])
+def test_an_interrupt_of_each_compilation(name):
+    """Each kernel that a step needs is interrupted once: the step is not taken, then it is."""
+    done = subprocess.run([sys.executable, '-c', EACH_ONCE, name], cwd=ROOT, text=True,
+                          env={**os.environ, 'PYTHONPATH': str(ROOT)}, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 0
