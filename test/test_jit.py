@@ -101,7 +101,7 @@ def test_a_damaged_cache_is_compiled_anew(tmp_path):
     run()
     for suffix in ('nbi', 'nbc'):
         for damage in DAMAGES.values():
-            files = list(tmp_path.rglob(f'sphere-*.{suffix}'))
+            files = list(tmp_path.rglob(f'shapes.sphere-*.{suffix}'))
             assert files
             for file in files:
                 file.write_bytes(damage(file.read_bytes()))
