@@ -20,10 +20,12 @@ import shutil
 import struct
 
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held
 from collision_sim.input_files import check_ordinary
 from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                 QosTime)
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import (CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer,
+                             WriterError)
 from rosbags.rosbag2.storage_mcap import McapWriter, zstd
 from rosbags.typesys import get_typestore, Stores
 
@@ -83,15 +85,18 @@ class BagWriter:
     """
 
     def __init__(self, path, topics, latched=()):
-        self._path, self._draft, self._whole = path, f'{path}.draft', True
+        self._path, self._draft = os.path.realpath(path), f'{path}.draft'
         if os.path.isdir(path):
             raise SceneError('--record', path, 'must not be a folder')
-        if os.path.exists(self._draft):
+        try:
+            self._writer = _McapFolderWriter(self._draft, version=9,
+                                             storage_plugin=StoragePlugin.MCAP)
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer.open()
+        except WriterError:         # the first to make the folder writes
             raise SceneError('--record', self._draft, 'must not be there: it is being written, or '
-                                                      'left by a run that was killed')
-        self._writer = _McapFolderWriter(self._draft, version=9, storage_plugin=StoragePlugin.MCAP)
-        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        self._writer.open()
+                                                      'left by a run that was killed') from None
+        self._empty = True
         types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {
             topic: self._writer.add_connection(
@@ -101,19 +106,32 @@ class BagWriter:
 
     def write(self, topic, time, message):
         """Add a serialized message that is sent at a time [ns]."""
+        self._empty = False
         try:
             self._writer.write(self._topics[topic], time, message)
         except OSError as error:        # such as a full disk
-            self._whole = False
             raise OSError(error.errno, error.strerror, self._draft) from None
 
-    def close(self):
-        """Write the index and give the file its name, if nothing has gone wrong."""
-        if not self._whole:
-            return
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        """Write the index and give the file its name; after an error the draft stays, if any."""
+        with held():
+            if kind is None:
+                self._publish()
+            elif self._empty:
+                shutil.rmtree(self._draft)
+            elif not issubclass(kind, OSError):
+                self._writer.close()
+
+    def _publish(self):
         self._writer.close()
         name = os.path.basename(self._draft)
-        os.replace(os.path.join(self._draft, f'{name}.mcap'), self._path)
+        draft = os.path.join(self._draft, f'{name}.mcap')
+        with open(draft, 'rb') as file:
+            os.fsync(file.fileno())
+        os.replace(draft, self._path)
         shutil.rmtree(self._draft)
 
 

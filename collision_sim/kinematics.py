@@ -20,6 +20,7 @@ laid out here, a row for each step. Scripts are laid out ahead, so that most ste
 ready.
 """
 
+from copy import deepcopy
 from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
@@ -107,7 +108,7 @@ class Kinematics:
         self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
         self._in_grid = in_grid(self._table)
         self._many = not self._exact and len(self._in_grid) > 0
-        self.laid_out = 0
+        self.laid_out, self._compiled = 0, False
         self.reset()
 
     def reset(self):
@@ -166,6 +167,9 @@ class Kinematics:
             return most
         ahead = len(self.poses) - 1 - self.row
         if self._tracks or ahead == 0:
+            if not self._compiled:      # an interrupt meanwhile leaves everything as it is
+                deepcopy(self)._lay_out(1, first, dt)
+                self._compiled = True
             ahead = self._lay_out(most, first, dt)
         return min(most, ahead)
 

@@ -79,8 +79,8 @@ def read_particles(value, directory) -> Particles:
     try:
         position = _read_positions(section, directory, random)
         velocity = _read_velocities(section.get('velocity', (0, 0, 0)), len(position), random)
-    except MemoryError:
-        raise SceneError('particles', section, 'must fit into memory') from None
+    except MemoryError as error:
+        raise SceneError('particles', section, f'must fit into memory: {error}') from None
     sizes = {key: read_each(section[key], f'particles.{key}', leaf, len(position))
              for key, leaf in (('mass', MASS), ('radius', RADIUS)) if key in section}
     return Particles(read_only(position), read_only(velocity), **sizes)

@@ -33,6 +33,7 @@ from collision_sim.pairs import Pairs, read_pairs
 from collision_sim.particles import Particles, read_particles, read_shard
 from collision_sim.springs import read_springs, Springs
 
+SHORTEST = 1e-100       # s; of a step, so that its square and its inverse are numbers
 SCENES = Path(__file__).parent / 'scenes'
 
 # What a scene can ask for. A new method is named here and nowhere else.
@@ -352,4 +353,7 @@ def _read_drag(value) -> Drag | None:
 
 def _read_stepping(value) -> Stepping:
     section = read_section(value, 'stepping', STEPPING)
-    return Stepping(**read_leaves(section, 'stepping', STEPPING))
+    stepping = Stepping(**read_leaves(section, 'stepping', STEPPING))
+    if 0.0 < stepping.dt < SHORTEST:
+        raise SceneError('stepping.dt', stepping.dt, f'must be 0 or from {SHORTEST:g} s on')
+    return stepping

@@ -166,6 +166,28 @@ def test_ctrl_c_elsewhere(scene, monkeypatch, capsys):
     assert capsys.readouterr().err == 'collision_sim: interrupted\n'
 
 
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--duration', '1e308'], '--duration: 1e+308: must be at most 1e+12 s'),
+    (['--out', 'x.csv', '--every', '1e-300'], '--every: 1e-300: must be at least a step, 0.001 s'),
+    (['--out', 'x.csv', '--every', '1e-4'], '--every: 0.0001: must be at least a step, 0.001 s')])
+def test_durations_without_bounds(words, said, scene, tmp_path, monkeypatch, capsys):
+    """What would never end, or fill the disk, is refused before there is a file."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(['run', scene, *words]) == 2
+    assert capsys.readouterr().err.startswith(f'collision_sim: {said}')
+    assert not (tmp_path / 'x.csv').exists()
+
+
+def test_too_little_memory(scene, monkeypatch, capsys):
+    """Exit code 2 and what NumPy says, no traceback."""
+    def full(self, n=1):
+        raise MemoryError('Unable to allocate 9 TiB')
+    monkeypatch.setattr(run_module.Simulation, 'step', full)
+    assert cli.main(['run', scene]) == 2
+    assert capsys.readouterr().err == (
+        'collision_sim: not enough memory: Unable to allocate 9 TiB\n')
+
+
 def test_no_steps(tmp_path, capsys):
     """A scene with dt = 0 stands still, and says so."""
     path = tmp_path / 'still.yaml'
