@@ -225,6 +225,15 @@ class Scene:
         found['stepping.iterations'] = STEPPING['iterations'].parameter(self.stepping.iterations)
         return found
 
+    def follows(self, path) -> bool:
+        """Whether a parameter of a collider or the pairs has the value of the whole scene."""
+        match path.split('.'):
+            case ['colliders', name, law, *_] if self._has(name):
+                return getattr(self.collider(name), law, self) is None
+            case ['pairs', law, *_] if self.pairs is not None:
+                return getattr(self.pairs, law, self) is None
+        return False
+
     def with_parameters(self, changes) -> 'Scene':
         """
         Give a copy of the scene in which several parameters have other values, or none.
@@ -244,8 +253,11 @@ class Scene:
             As `with_parameter`.
 
         """
-        before = self._with_all([each for each in changes if not _is_of_a_part(each[0])])
-        after = before._with_all([each for each in changes if _is_of_a_part(each[0])])
+        of_parts = [each for each in changes if is_of_a_part(each[0])]
+        before = self._with_all([each for each in changes if not is_of_a_part(each[0])])
+        if not of_parts:
+            return before
+        after = before._with_all(of_parts)
         laws = {'restitution': after.restitution, 'friction': after.friction}
         if after.pairs is not before.pairs:
             after = replace(after, pairs=_followed(before.pairs, after.pairs, laws))
@@ -326,7 +338,7 @@ class Scene:
             for collider in self.colliders))
 
 
-def _is_of_a_part(path) -> bool:
+def is_of_a_part(path) -> bool:
     """Whether a parameter is of a collider or the pairs, which may follow the scene."""
     return isinstance(path, str) and path.startswith(('colliders.', 'pairs.'))
 

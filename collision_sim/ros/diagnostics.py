@@ -57,12 +57,14 @@ class Diagnostics:
         Per step, and per message of all topics together.
     slow, paused : bool
         Whether steps were left out for lack of time; whether none are asked for.
+    compiling : str
+        Which kernels there are not yet, and what that means; '' as a rule.
 
     """
 
     def __init__(self, name, simulation, poses, outputs, refused):
         """Begin the first interval when somebody listens."""
-        self.paused = False
+        self.paused, self.compiling = False, ''
         self._name = name
         self._simulation, self._poses, self._outputs = simulation, poses, outputs
         self._refused = refused
@@ -108,9 +110,9 @@ class Diagnostics:
         return statuses and DiagnosticArray(status=statuses)
 
     def preparing(self):
-        """Give the message while the kernels are being compiled: what they measure is left out."""
+        """Give the message before the first kernels are ready: what they measure is left out."""
         return DiagnosticArray(status=[_status(
-            self._name + ': pace', [(WARN, 'compiling the kernels, nothing moves yet')],
+            self._name + ': pace', [(WARN, self.compiling)],
             {'particles': len(self._simulation.position)})])
 
     def _pace(self):
@@ -128,6 +130,8 @@ class Diagnostics:
             'particles in a PoseArray': self._outputs.messages.shown,
         }
         findings = []
+        if self.compiling:
+            findings.append((WARN, self.compiling))
         if self.slow:
             findings.append((ERROR if factor < SLOWEST else WARN, 'too slow for the clock'))
         return _status(self._name + ': pace', findings, values,

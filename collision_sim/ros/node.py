@@ -26,13 +26,14 @@ import time
 
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
+from collision_sim.ros.kernels import Kernels
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import (declare_fixed, declare_values, LiveParameters,
                                           warn_of_unknown)
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
-from collision_sim.ros.warm_up import warm_up
+from collision_sim.scene import is_of_a_part
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
@@ -52,6 +53,8 @@ ASYNCHRONOUS = 'RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS'
 class CollisionSimNode(SturdyNode):
     """Steps a scene as the clock asks for, between poses and parameters in and messages out."""
 
+    _live = None            # LiveParameters, once all are declared
+
     def __init__(self, **options):
         """
         Load the scene and serve; it moves as soon as its kernels are ready.
@@ -70,23 +73,40 @@ class CollisionSimNode(SturdyNode):
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
-        self._live = LiveParameters(self, self._simulation, self._change)
         warn_of_unknown(self)
+        self._prepare()
+        self._live = LiveParameters(self, self._simulation.scene, self._adopt, self._change)
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
                                         self._poses, self._outputs, self._live.refused)
         self._start_ticking()
-        self._prepare()
 
     # --- start -----------------------------------------------------------------------------
 
     def _load_simulation(self):
         scene, name, publish_clock, start = declare_fixed(self)
         scene = declare_values(self, scene)
-        self._simulation = Simulation(scene, ledger=self.get_parameter('ledger').value)
-        self._time = PublishedClock(self, self._simulation) if publish_clock \
+        self._stepped = Simulation(scene, ledger=self.get_parameter('ledger').value)
+        self._time = PublishedClock(self, self._stepped) if publish_clock \
             else FollowedClock(self, start)
         self.get_logger().info('scene %s: %d particles, %d colliders' % (
-            name, len(self._simulation.position), len(scene.colliders)))
+            name, len(self._stepped.position), len(scene.colliders)))
+
+    @property
+    def _simulation(self):
+        """The simulation, with all values that have come and that it has kernels for."""
+        self._take_values()
+        return self._stepped
+
+    def set_each(self, parameters):
+        """As that of SturdyNode, what is of the whole scene before what may follow it."""
+        order = sorted(range(len(parameters)), key=lambda k: is_of_a_part(parameters[k].name))
+        results = dict(zip(order, self._live.set_each([parameters[k] for k in order])))
+        return [results[k] for k in range(len(parameters))]
+
+    def get_parameter(self, name):
+        """As that of rclpy, with all values that have come."""
+        self._take_values()
+        return super().get_parameter(name)
 
     def destroy_node(self):
         """Close what the node has opened."""
@@ -108,45 +128,74 @@ class CollisionSimNode(SturdyNode):
         self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
 
     def _prepare(self):
-        """Begin to compile the kernels; until the first are ready the node is as in a pause."""
-        self.get_logger().info(
-            'preparing the kernels; the first time they are compiled, which takes a while')
-        self._first = self._simulation.record_contacts = self._outputs.contacts_wanted
-        self._kernels = warm_up(
-            self._simulation.scene, self._simulation.ledger is not None, self._first)
-        self._waiting = self.create_timer(
-            WAITING, self._begin_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        """Begin to prepare the kernels; until the first are ready the node is as in a pause."""
+        self._stepped.record_contacts = self._outputs.contacts_wanted
+        self._kernels = Kernels(self._stepped.scene, self._stepped.ledger is not None,
+                                self._stepped.record_contacts)
+        self._waiting = None        # timer while some are not ready
+        self._await_kernels()
+
+    def _await_kernels(self):
+        """See to it that somebody looks whether the kernels are ready."""
+        if self._waiting is None:
+            self._told = False      # that they are compiled
+            self._waiting = self.create_timer(WAITING, self._look_at_kernels, clock=Clock(
+                clock_type=ClockType.STEADY_TIME))      # also while a simulated clock stands
 
     @property
     def preparing(self):
         """Whether there are no kernels yet to step with."""
-        return not self._kernels[self._first].done()
+        return not self._kernels.start.ready
 
     @property
     def failure(self):
         """What kept kernels from being ready, an exception; None as a rule."""
-        failures = [each.exception() for each in self._kernels.values() if each.done()]
-        return next(filter(None, failures), None)
+        return self._kernels.failure
 
     def wait_until_ready(self):
         """Do not serve but wait until all kernels are ready; raises what kept them from it."""
-        for kernels in self._kernels.values():
-            kernels.result()
-        self._begin_when_ready()
+        self._take_values()
+        self._kernels.wait()
+        self._look_at_kernels()
 
-    def _begin_when_ready(self):
-        if self.preparing:
-            return
-        if all(kernels.done() for kernels in self._kernels.values()):
+    def _look_at_kernels(self):
+        """Say that they are compiled, where they are; begin when they are ready."""
+        if self._kernels.compiles and not self._told:
+            self._told = True
+            self.get_logger().info(
+                'compiling the kernels%s, which takes a while; they are kept for the next time'
+                % (self._values_in_words() or ' of the scene'))
+        if self._kernels.all_done and self._waiting is not None:
             self.destroy_timer(self._waiting)
+            self._waiting = None
         if self.failure is not None:
             self.context.try_shutdown()     # which ends spinning
-        elif not self._ready:
+        elif not self.preparing and not self._ready:
             self._begin()
+
+    # --- changes of the scene --------------------------------------------------------------
+
+    def _take_values(self):
+        """Let the simulation have what has come; give names of parameters that have to wait."""
+        return self._live.adopt() if self._live is not None else []
+
+    def _values_in_words(self):
+        """Say for which parameters there are no kernels yet."""
+        names = self._take_values()
+        return ' for the new value of ' + ', '.join(names) if names else ''
+
+    def _adopt(self, scene):
+        """Take steps of a scene with other values if there are kernels for it, else make them."""
+        ready = self._kernels.adopt(scene, self._stepped.record_contacts)
+        if ready:
+            self._stepped._adopt(scene)
+        if not self._kernels.all_done:
+            self._await_kernels()
+        return ready
 
     def _begin(self):
         """Let time go on from here."""
-        self._seconds_a_step, self._ready = self._kernels[self._first].result(), True
+        self._seconds_a_step, self._ready = self._kernels.start.seconds_a_step, True
         self._time.begin()
         if not self._paused:
             self._poses.release(self._time.now())
@@ -229,15 +278,15 @@ class CollisionSimNode(SturdyNode):
 
     def _use_kernels(self, contacts):
         """Record contacts or not, if the kernels for it are ready; gives whether they are."""
-        ready = self._kernels[contacts].done()
-        if ready:
-            self._simulation.record_contacts = contacts
+        ready = self._kernels.ready(contacts)
+        self._stepped.record_contacts = contacts if ready else not contacts
         return ready
 
     # --- out -------------------------------------------------------------------------------
 
     def _report(self):
         self._poses.take_arrived()      # there are no ticks while a simulated clock stands
+        self._diagnostics.compiling = self._being_compiled()
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
@@ -246,6 +295,18 @@ class CollisionSimNode(SturdyNode):
         if message is not None:
             message.header.stamp = self.get_clock().now().to_msg()
             self._diagnostic.publish(message)
+
+    def _being_compiled(self):
+        """Say which kernels there are not yet, '' if they are all there."""
+        verb = 'compiling' if self._kernels.compiles else 'loading'
+        if not self._ready:
+            return verb + ' the kernels, nothing moves yet'
+        values = self._values_in_words()
+        if values:
+            return verb + ' the kernels%s; the value before it holds until then' % values
+        if self._outputs.contacts_wanted and not self._kernels.ready(True):
+            return verb + ' the kernels that record contacts; none are shown until then'
+        return ''
 
     def _warn_of_namesakes(self):
         """Say once that another node has the same name: both would answer."""
@@ -300,7 +361,7 @@ class CollisionSimNode(SturdyNode):
     def _step(self, request, response):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
         wanted = self._outputs.contacts_wanted
-        if not (self._ready and self._use_kernels(wanted)):
+        if self._take_values() or not (self._ready and self._use_kernels(wanted)):
             return _answer(response, False, 'the kernels are still being compiled')
         if not self._paused:
             return _answer(response, False, 'only while paused')

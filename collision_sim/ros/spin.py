@@ -19,9 +19,13 @@ import signal
 
 from collision_sim.ros.services import answering, error_text
 from collision_sim.ros.start import STOP
+from collision_sim.ros.values import as_asked, as_declared
+from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+
+MOST_VALUES = 1000      # in one request, or as many as there are parameters
 
 
 class SturdyNode(Node):
@@ -36,6 +40,15 @@ class SturdyNode(Node):
         """As that of rclpy."""
         self._polled = set()
         super().__init__(*arguments, **options)
+        self.add_pre_set_parameters_callback(
+            lambda parameters: [as_asked(self, parameter) for parameter in parameters])
+
+    def declare_parameter(self, name, value=None, descriptor=None, ignore_override=False):
+        """As that of rclpy; also takes whole numbers where others are declared."""
+        given = self._parameter_overrides.get(name)
+        if given is not None:
+            self._parameter_overrides[name] = as_declared(given, value)
+        return super().declare_parameter(name, value, descriptor, ignore_override)
 
     @property
     def subscriptions(self):
@@ -66,7 +79,22 @@ class SturdyNode(Node):
     def create_service(self, srv_type, srv_name, callback, **options):
         """As that of rclpy, which also creates those of the parameters by it; always answers."""
         return super().create_service(
-            srv_type, srv_name, answering(srv_type, callback, self.log_error), **options)
+            srv_type, srv_name, answering(
+                srv_type, callback, self.log_error, self._most_values, self.set_each),
+            **options)
+
+    def set_each(self, parameters):
+        """Set parameters one by one; gives a SetParametersResult for each, and never raises."""
+        return [self._set_one(parameter) for parameter in parameters]
+
+    def _set_one(self, parameter):
+        try:
+            return self.set_parameters_atomically([parameter])
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=str(error))
+
+    def _most_values(self):
+        return max(MOST_VALUES, len(self._parameters))
 
     def log_error(self, text):
         """Log what was raised, from time to time."""

@@ -239,7 +239,7 @@ def test_help_comes_if_it_takes_long(monkeypatch):
     helpers, start_helper = [], warm_up.start_helper
     for name, function in (('_step', step), ('start_helper', start), ('_wait_for', wait_for)):
         monkeypatch.setattr(warm_up, name, function)
-    seconds = warm_up.warm_up(Scene.from_dict(PADDLE), False, False)
+    seconds = warm_up.WarmUp(Scene.from_dict(PADDLE), False, False).seconds
     assert all(future.result(DEADLINE) > 0.0 for future in seconds.values())
     assert order == [False, 'waited', 'waited', True]
     assert helpers[0].wait(DEADLINE) == 0
