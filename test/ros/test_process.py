@@ -15,6 +15,8 @@
 """The node in a process of its own: real clock, real DDS, bad starts, hostile requests."""
 
 from math import cos, pi, sin
+import subprocess
+import sys
 
 from collision_sim.ros.messages import read_pose_array
 import numpy as np
@@ -161,6 +163,22 @@ def test_a_missing_enclave_is_one_line_and_status_1(run_node, monkeypatch, tmp_p
     printed, _ = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1 and 'Traceback' not in printed
     assert 'enclave' in printed.lower()
+
+
+@pytest.mark.parametrize('module', ['start', 'swing_paddle'])
+@pytest.mark.parametrize('arguments, status, words', [
+    (['--help'], 0, '--ros-args -p'), (['-h'], 0, '--ros-args -p'), (['--version'], 0, ''),
+    (['--ros-args', '-p', 'x:=1', '--', '--help'], 0, '--ros-args -p'),
+    (['--ros-args', '--log-level', 'info', '--', '--version'], 0, ''),
+    (['--hepl'], 2, '--hepl'), (['rain'], 2, 'rain')], ids=str)
+def test_own_arguments(module, arguments, status, words):
+    """They are answered and end the process, before anything else begins."""
+    code = f'import sys; from collision_sim.ros.{module} import main; sys.exit(main())'
+    done = subprocess.run([sys.executable, '-c', code, *arguments], timeout=DEADLINE,
+                          capture_output=True, text=True)
+    assert done.returncode == status and 'Traceback' not in done.stderr
+    said = done.stdout if status == 0 else done.stderr
+    assert said.strip() and words in said and '[INFO]' not in done.stderr
 
 
 # --- hostile peers ---------------------------------------------------------------------------
