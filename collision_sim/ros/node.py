@@ -20,10 +20,10 @@ seconds of the clock that the steps are in step with (clocks.py).
 """
 
 from math import ceil
-import os
 import sys
 import time
 
+from collision_sim.ros import fast_dds
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.kernels import Kernels
@@ -46,8 +46,6 @@ SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... ti
 LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
 WARN_PERIOD = 5.0       # s
 WAITING = 0.02          # s between two looks whether the kernels are ready
-# Publishing does not wait until the copies for other processes are made.
-ASYNCHRONOUS = 'RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS'
 
 
 class CollisionSimNode(SturdyNode):
@@ -77,7 +75,8 @@ class CollisionSimNode(SturdyNode):
         self._prepare()
         self._live = LiveParameters(self, self._simulation.scene, self._adopt, self._change)
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
-                                        self._poses, self._outputs, self._live.refused)
+                                        self._poses, self._outputs, self._live.refused,
+                                        self.events.counts)
         self._start_ticking()
 
     # --- start -----------------------------------------------------------------------------
@@ -231,7 +230,7 @@ class CollisionSimNode(SturdyNode):
         if self._ticks % self._ticks_a_message == 0:
             start = time.perf_counter()
             self._outputs.publish(self._time.stamp())
-            self._diagnostics.publish_times.append(time.perf_counter() - start)
+            self._diagnostics.note_message(start, time.perf_counter())
 
     def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
@@ -403,7 +402,7 @@ def run(args, stopped):
     """
     status, node = 0, None
     try:
-        os.environ.setdefault(*ASYNCHRONOUS)
+        fast_dds.prepare()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionSimNode()
         spin(node, stopped)

@@ -17,6 +17,7 @@
 from functools import wraps
 import signal
 
+from collision_sim.ros.events import Events
 from collision_sim.ros.services import answering, error_text
 from collision_sim.ros.start import STOP
 from collision_sim.ros.values import as_asked, as_declared
@@ -39,7 +40,9 @@ class SturdyNode(Node):
     def __init__(self, *arguments, **options):
         """As that of rclpy."""
         self._polled = set()
+        self.events = None      # there are none of what rclpy itself creates
         super().__init__(*arguments, **options)
+        self.events = Events(self)
         self.add_pre_set_parameters_callback(
             lambda parameters: [as_asked(self, parameter) for parameter in parameters])
 
@@ -61,13 +64,24 @@ class SturdyNode(Node):
 
         For small messages that come often: to be woken by each costs more than it takes to read.
         """
-        subscription = super().create_subscription(
+        subscription = self.create_subscription(
             msg_type, topic, lambda message: None, *arguments, **options)
         self._polled.add(subscription)
         return subscription
 
+    def create_publisher(self, msg_type, topic, *arguments, **options):
+        """As that of rclpy."""
+        if self.events:
+            options.setdefault('event_callbacks',
+                               self.events.of_publisher(self.resolve_topic_name(topic)))
+        return super().create_publisher(msg_type, topic, *arguments, **options)
+
     def create_subscription(self, msg_type, topic, callback, *arguments, **options):
         """As that of rclpy."""
+        if self.events:
+            options.setdefault('event_callbacks',
+                               self.events.of_subscription(self.resolve_topic_name(topic)))
+
         @wraps(callback)
         def guarded(*message):
             try:
