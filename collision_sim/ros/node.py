@@ -24,6 +24,7 @@ import sys
 import time
 
 from collision_sim.ros import fast_dds
+from collision_sim.ros.advice import advice
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
 from collision_sim.ros.kernels import Kernels
@@ -204,14 +205,10 @@ class CollisionSimNode(SturdyNode):
         log = self.get_logger()
         log.info('%s publishes %s' % (
             self.get_fully_qualified_name(), ', '.join(self._outputs.topics)))
-        log.info('parameters: %s/set/..., or ros2 param set %s' % (
-            self.get_fully_qualified_name(), self.get_fully_qualified_name()))
-        for name, topic in self._poses.topics.items():
-            x, y, z = self._simulation.scene.collider(name).position
-            log.info('to move %s: ros2 run collision_sim swing_paddle --ros-args -p topic:=%s, or '
-                     'ros2 topic pub -r 30 %s geometry_msgs/msg/PoseStamped "{header: {frame_id: '
-                     '%s}, pose: {position: {x: %g, y: %g, z: %g}}}"'
-                     % (name, topic, topic, self._poses.frame_id, x, y, z))
+        for line in advice(self.get_fully_qualified_name(), self._poses.frame_id, {
+                name: (topic, self._simulation.scene.collider(name).position)
+                for name, topic in self._poses.topics.items()}):
+            log.info(line)
 
     # --- time ------------------------------------------------------------------------------
 
