@@ -21,9 +21,9 @@ import shutil
 import sys
 
 # Sets a parameter where there is no `ros2`: rclpy is there.
-SET = ("import rclpy; from rclpy.parameter_client import AsyncParameterClient as A; rclpy.init(); "
-       "n = rclpy.create_node('hand'); a = A(n, %r); a.wait_for_services(); "
-       "f = a.set_parameters([rclpy.Parameter('restitution', value=0.9)]); "
+SET = ('import rclpy; from rclpy.parameter_client import AsyncParameterClient as A; rclpy.init(); '
+       'n = rclpy.create_node("hand"); a = A(n, "%s"); a.wait_for_services(); '
+       'f = a.set_parameters([rclpy.Parameter("restitution", value=0.9)]); '
        'rclpy.spin_until_future_complete(n, f); print(f.result())')
 
 

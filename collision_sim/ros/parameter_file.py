@@ -29,8 +29,9 @@ from collision_sim.scene import load_scene, SceneError
 
 HEAD = """\
 # All parameters of collision_sim_node and what they are when nobody sets them, with the scene %s.
-# Start from a copy: lines may be left out. What is commented out takes the value of the whole scene,
-# and follows it when that changes. Written by: python3 -m collision_sim.ros.parameter_file %s
+# Start from a copy: lines may be left out. What is commented out takes the value of the whole
+# scene, and follows it when that changes.
+# Written by: python3 -m collision_sim.ros.parameter_file %s
 /**:
   ros__parameters:
 """

@@ -236,6 +236,7 @@ class LiveParameters:
         Parameters
         ----------
         parameters : list of rclpy.parameter.Parameter
+            As they were asked for.
 
         Returns
         -------

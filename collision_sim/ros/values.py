@@ -59,7 +59,9 @@ def as_asked(node, parameter):
     Parameters
     ----------
     node : rclpy.node.Node
+        All its parameters are declared.
     parameter : rclpy.parameter.Parameter
+        As it was asked for.
 
     Raises
     ------

@@ -24,7 +24,7 @@ LATENCY = 1e-3      # s
 
 
 def arrivals(rate, jitter, seconds=6.0, lost=0.0):
-    """Times at which poses are sent and arrive; some are lost."""
+    """Give the times at which poses are sent and arrive; some are lost."""
     random = np.random.default_rng(4)
     sent = np.arange(0.0, seconds, 1.0 / rate)
     sent = sent[random.uniform(size=len(sent)) >= lost]

@@ -100,7 +100,8 @@ def test_a_file_of_parameters_is_taken(drive, tmp_path):
         collision_sim.load_scene('demo').parameters()
     path = tmp_path / 'my.yaml'
     path.write_text(SHIPPED.read_text().replace('restitution: 0.5', 'restitution: 0.75')
-                    .replace('# colliders.walls.restitution: 0.75', 'colliders.walls.restitution: 0.5'))
+                    .replace('# colliders.walls.restitution: 0.75',
+                             'colliders.walls.restitution: 0.5'))
     driver = drive(node_options={'cli_args': ['--ros-args', '--params-file', str(path)]})
     found = driver.simulation.scene.parameters()
     assert found['restitution'].value == 0.75

@@ -240,7 +240,7 @@ def set_drag(driver, value):
 
 
 def test_steps_go_on_while_the_kernels_for_a_new_value_compile(held):
-    """By the value before it, and the diagnostics say so; then the new one holds, between steps."""
+    """By the value before it, and the diagnostics say so; then by the new one."""
     driver, messages, particles = held(FALLING), [], []
     driver.peer.create_subscription(DiagnosticArray, '/diagnostics', messages.append, 5)
     driver.peer.create_subscription(PoseArray, NODE + '/particles', particles.append, 5, raw=True)
@@ -286,7 +286,7 @@ def test_only_what_is_compiled_is_said_to_be(drive, capfd):
     capfd.readouterr()
     drive(FALLING)
     printed = capfd.readouterr().err
-    assert 'publishes' in printed and 'compil' not in printed
+    assert 'publishes' in printed and 'compiling' not in printed
 
 
 @pytest.mark.jit
