@@ -14,6 +14,7 @@
 
 """What the node says about itself on /diagnostics, once a second, as long as somebody listens."""
 
+from collections import Counter
 import time
 
 from collision_sim.ros import fast_dds
@@ -62,12 +63,14 @@ class Diagnostics:
         Whether steps were left out for lack of time; whether none are asked for.
     compiling : str
         Which kernels there are not yet, and what that means; '' as a rule.
+    largest : int
+        Bytes of the largest message so far.
 
     """
 
-    def __init__(self, name, simulation, poses, outputs, refused, events):
+    def __init__(self, name, simulation, poses, outputs, refused, events=Counter()):
         """Begin the first interval when somebody listens."""
-        self.paused, self.compiling = False, ''
+        self.paused, self.compiling, self.largest = False, '', 0
         self._name = name
         self._simulation, self._poses, self._outputs = simulation, poses, outputs
         self._refused, self._events = refused, events
@@ -145,9 +148,9 @@ class Diagnostics:
         findings = []
         if self.compiling:
             findings.append((WARN, self.compiling))
-        if self._trouble and self._outputs.largest > fast_dds.LARGE:
+        if self._trouble and self.largest > fast_dds.LARGE:
             findings.append((WARN, 'messages of %.1f MB may get lost: %s' % (
-                1e-6 * self._outputs.largest, self._trouble)))
+                1e-6 * self.largest, self._trouble)))
         if self.slow:
             findings.append((ERROR if factor < SLOWEST else WARN, 'too slow for the clock'))
         return _status(self._name + ': pace', findings, values,

@@ -228,6 +228,7 @@ class CollisionSimNode(SturdyNode):
             start = time.perf_counter()
             self._outputs.publish(self._time.stamp())
             self._diagnostics.note_message(start, time.perf_counter())
+            self._diagnostics.largest = self._outputs.largest
 
     def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""

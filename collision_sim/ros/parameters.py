@@ -62,7 +62,6 @@ NODE_PARAMETERS = {
 TOPIC_TYPES = {bool: Bool, int: Float64, float: Float64, str: String, tuple: Vector3}
 FRAME = Text(r'[^\x00-\x1f\x7f]{1,255}', 'must be 1 to 255 characters on one line')
 ACCEPTED = SetParametersResult(successful=True)
-LONGEST_QUEUE = 1000        # values from topics that wait for the next tick
 
 
 def descriptor(parameter, read_only=False):
@@ -200,7 +199,8 @@ class LiveParameters:
         self._known = scene.parameters().keys()
         self._live = NODE_PARAMETERS.keys() | self._known
         self._scene = self._shown = self._adopted = scene   # accepted; as ROS has it; in steps
-        self._arrived = []          # parameters from topics
+        self._arrived = {}          # parameters from topics, by name, that wait for the next tick,
+        self._ahead = scene         # and the scene with their values
         self._setting = False       # parameters are being set to what has been checked
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accept)
@@ -319,29 +319,27 @@ class LiveParameters:
         kind = type(value)
         topic = '~/set/' + name.replace('.', '/')
         subscription = self._node.create_subscription(
-            TOPIC_TYPES[kind], topic, partial(self._receive, name, kind), 10)
+            TOPIC_TYPES[kind], topic, partial(self._take, name, kind), 10)
         return subscription.topic_name
 
-    def _receive(self, name, kind, message):
-        """Keep a value for the next tick."""
+    def _take(self, name, kind, message):
+        """Check a value, and keep it for the next tick."""
         if kind is tuple:
             value = [message.x, message.y, message.z]
         elif kind is int and message.data.is_integer():
             value = int(message.data)
         else:
             value = message.data
-        self._arrived.append(rclpy.parameter.Parameter(name, value=value))
-        if len(self._arrived) >= LONGEST_QUEUE:
-            self._take_arrived()
+        try:
+            parameter = as_asked(self._node, rclpy.parameter.Parameter(name, value=value))
+            self._ahead = self._checked(self._ahead if self._arrived else self._scene, [parameter])
+            self._arrived[name] = parameter
+        except Exception as error:
+            self.refused[name] += 1
+            self._warn(name, '%s refused: %s (%d so far)' % (name, error, self.refused[name]))
 
     def _take_arrived(self):
-        """Set parameters to what came from topics, by the same way as the services."""
-        if not self._arrived:
-            return
-        arrived, self._arrived = self._arrived, []
-        for parameter, result in zip(arrived, self.set_each(arrived)):
-            if not result.successful:
-                name = parameter.name
-                self.refused[name] += 1
-                self._warn(name, '%s refused: %s (%d so far)' % (
-                    name, result.reason, self.refused[name]))
+        """Set the parameters that came from topics, each to the last value of its own."""
+        if self._arrived:
+            arrived, self._arrived = list(self._arrived.values()), {}
+            self._set(arrived, self._ahead)

@@ -241,10 +241,10 @@ def test_what_comes_between_two_ticks_is_adopted_once(drive, monkeypatch):
     monkeypatch.setattr(type(driver.simulation), '_adopt',
                         lambda self, scene: (adopted.append(scene), adopt(self, scene)))
     for k in range(500):
-        driver.node._live._receive('restitution', float, Float64(data=k / 1000))
-        driver.node._live._receive('gravity', tuple, Vector3(x=float(k)))
+        driver.node._live._take('restitution', float, Float64(data=k / 1000))
+        driver.node._live._take('gravity', tuple, Vector3(x=float(k)))
     assert set_by_service(driver, *[('restitution', k / 1000) for k in range(900)])[0].successful
-    driver.node._live._receive('colliders.wall.restitution', float, Float64(data=0.25))
+    driver.node._live._take('colliders.wall.restitution', float, Float64(data=0.25))
     driver.run(0.1)
     scene = adopted[-1]
     assert len(adopted) < 10        # beside the ticks, only the diagnostics have looked

@@ -14,10 +14,12 @@
 
 """While its kernels are being compiled the node serves as in a pause; then it moves."""
 
+import io
 import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ from collision_sim.scene import Scene  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from geometry_msgs.msg import PoseArray  # noqa: E402
 from harness import DEADLINE, jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
+from numba import config, njit  # noqa: E402
 from numba.core import event  # noqa: E402
 from rcl_interfaces.srv import ListParameters, SetParameters  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -289,18 +292,28 @@ def test_only_what_is_compiled_is_said_to_be(drive, capfd):
     assert 'publishes' in printed and 'compiling' not in printed
 
 
-@pytest.mark.jit
-def test_what_is_compiled_is_said_to_be(monkeypatch, tmp_path):
-    code = ('from collision_sim.ros.warm_up import WarmUp; from collision_sim.scene import Scene; '
-            'w = WarmUp(Scene.from_dict({}), False, False); w.seconds_a_step; print(w.compiles)')
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    for compiles in ('True', 'False'):
-        printed = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                                 timeout=DEADLINE).stdout
-        assert printed.strip() == compiles
+@pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
+@pytest.mark.parametrize('beside', [False, True])
+def test_what_is_compiled_is_noticed(monkeypatch, beside):
+    """Here or, beside other steps, in a process; the second time nothing has to be."""
+    @njit
+    def double(x):
+        return 2.0 * x
+
+    def compile_elsewhere(*what):
+        double(1.0)
+        return SimpleNamespace(stdout=io.BytesIO(), communicate=lambda: None)
+
+    monkeypatch.setattr(warm_up, '_step', lambda scene, ledger, contacts: double(1.0))
+    monkeypatch.setattr(warm_up, '_play_poses', lambda scene: None)
+    monkeypatch.setattr(warm_up, 'start_helper', compile_elsewhere)
+    for compiles in (True, False):
+        warming = warm_up.WarmUp(None, False, False, beside)
+        assert [future.result(DEADLINE) for future in warming.seconds.values()] == [2.0, 2.0]
+        assert warming.compiles == compiles
 
 
-@pytest.mark.jit
+@pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
 def test_a_new_value_at_a_run_compiles_nothing_in_this_thread(drive):
     """Nor does somebody who listens to the contacts after it."""
     driver, compiled = drive(FALLING), []
