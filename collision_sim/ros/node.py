@@ -295,7 +295,7 @@ class CollisionSimNode(SturdyNode):
 
     def _being_compiled(self):
         """Say which kernels there are not yet, '' if they are all there."""
-        verb = 'compiling' if self._kernels.compiles else 'loading'
+        verb = 'compiling' if self._kernels.compiles else 'loading or compiling'
         if not self._ready:
             return verb + ' the kernels, nothing moves yet'
         values = self._values_in_words()
