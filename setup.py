@@ -15,6 +15,7 @@
 """Installs the package by pip, and by colcon as an ament_python package."""
 
 from glob import glob
+import sys
 
 from setuptools import find_packages, setup
 
@@ -24,6 +25,13 @@ package_name = 'collision_sim'
 def shared(folder):
     """Where ROS looks for the files of one folder of the package, and those files."""
     return f'share/{package_name}/{folder}', sorted(glob(f'{package_name}/{folder}/*.*'))
+
+
+def executables():
+    """Where `ros2 run` looks, for pip; colcon puts the scripts of the entry points there."""
+    if not {'bdist_wheel', 'editable_wheel'} & set(sys.argv):
+        return []
+    return [(f'lib/{package_name}', sorted(glob('resource/lib/*')))]
 
 
 setup(
@@ -44,6 +52,7 @@ setup(
         shared('launch'),
         shared('scenes'),
         shared('rviz'),
+        *executables(),
     ],
     zip_safe=False,
     install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML', 'tqdm'],

@@ -773,6 +773,54 @@ def test_defaults_reach_the_colliders_without_their_own():
     assert found['colliders.drum.friction.dry.static'] == 0.4
 
 
+def own(scene):
+    """Name what of restitution and friction is not the scene's, by part."""
+    parts = {collider.name: collider for collider in scene.colliders} | {'pairs': scene.pairs}
+    return {(name, law) for name, part in parts.items() for law in ('restitution', 'friction')
+            if getattr(part, law) is not None}
+
+
+WITH_PAIRS = {'restitution': 0.5, 'friction': {'dry': {'static': 0.4, 'kinetic': 0.3}},
+              'particles': {'position': [[0, 0, 1]], 'radius': 0.1}, 'pairs': {},
+              'colliders': [
+                  {'name': 'ground', 'shape': 'plane'},
+                  {'name': 'wall', 'shape': 'plane', 'restitution': 0.5, 'friction': {'wet': 1}}]}
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_all_values_as_they_are_change_nothing(order):
+    """Loading what was dumped keeps who follows the scene, and who has a value of its own."""
+    scene = Scene.from_dict(WITH_PAIRS)
+    values = [(path, parameter.value) for path, parameter in scene.parameters().items()]
+    after = scene.with_parameters(values[::order])
+    assert own(after) == own(scene) == {('wall', 'restitution'), ('wall', 'friction')}
+    higher = after.with_parameter('restitution', 0.75)
+    assert higher.restitution_of(higher.collider('ground')) == 0.75
+    assert higher.pairs.restitution_in(higher) == 0.75
+    assert higher.restitution_of(higher.collider('wall')) == 0.5
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_all_values_of_another_scene_bring_who_follows(order):
+    """Whatever the values are now, and in which order they come."""
+    scene = Scene.from_dict(WITH_PAIRS)
+    values = [(path, parameter.value) for path, parameter in scene.parameters().items()]
+    other = scene.with_parameters([
+        ('restitution', 0.1), ('colliders.ground.restitution', 0.2), ('pairs.restitution', 0.3),
+        ('colliders.ground.friction.dry.kinetic', 0.1), ('friction.dry.static', 0.9)])
+    assert own(other) >= {('ground', 'restitution'), ('ground', 'friction'),
+                          ('pairs', 'restitution')}
+    assert own(other.with_parameters(values[::order])) == own(scene)
+
+
+def test_a_value_other_than_the_scene_s_is_one_s_own():
+    scene = Scene.from_dict(WITH_PAIRS).with_parameters([
+        ('colliders.ground.restitution', 0.5), ('restitution', 0.75), ('pairs.restitution', 0.75)])
+    assert ('ground', 'restitution') in own(scene) and ('pairs', 'restitution') not in own(scene)
+    scene = scene.with_parameter('restitution', 0.5).with_parameter('restitution', 0.25)
+    assert scene.restitution_of(scene.collider('ground')) == 0.5    # only met on the way
+
+
 @pytest.mark.parametrize('start, path, value, end', [
     ('none', 'dry', 0.3, Friction(0.3, 0.3)),
     ('none', 'dry.static', 0.3, Friction(0.3, 0.3, apart=True)),

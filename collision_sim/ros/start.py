@@ -24,6 +24,16 @@ import signal
 import sys
 import threading
 
+from collision_sim.ros.own_arguments import read_own_arguments
+
+HELP = """\
+Steps a scene in time with the clock: poses of colliders and values of parameters in, particles,
+contacts and diagnostics out.
+
+Some parameters: scene (path of a YAML file, or a shipped one such as demo or rain), frame_id,
+publish_rate, viewer (true: a page in the browser), and every value of the scene that may change:
+  collision_sim_node --ros-args -p scene:=rain -p restitution:=0.9
+All of them, with what they mean: python3 -m collision_sim.ros.parameter_file SCENE"""
 STOP = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -57,6 +67,7 @@ def main(args=None):
     for number in STOP:
         signal.signal(number, lambda received, frame: stopped.append(received))
     try:
+        read_own_arguments('collision_sim_node', HELP, args)
         from collision_sim.ros.node import run
         status = 0 if stopped else run(args, stopped)
         _leave_the_compiler(status)
