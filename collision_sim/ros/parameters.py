@@ -22,7 +22,6 @@ A new value is checked by the scene when it is asked for (on_set) and kept when 
 
 from collections import Counter
 from functools import partial
-import sys
 import warnings
 
 from collision_sim.checks import Number, SceneWarning, Text
