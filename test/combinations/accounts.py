@@ -1,0 +1,210 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks 2: energy and momentum come from where the ledger and the contacts say.
+
+All look at the run itself. Energies are compared with the largest energy that took part in the
+step, momenta with the largest momentum.
+"""
+
+from bounds import is_excused
+from cases import each, method, stepping
+import numpy as np
+
+ROUNDING = 1e-11    # of what takes part: some 1e5 operations of a step, each of 1e-16
+EULER = 'symplectic_euler'
+LOSSES = ('restitution', 'dry', 'wet')
+MOST_CONTACTS = 4   # of a particle that are recorded in a step
+
+
+def weights(case):
+    """Masses of the particles, 0 for infinite ones, (N,) [kg]."""
+    mass = each(case, 'mass', 1.0)
+    return np.where(np.isfinite(mass), mass, 0.0)
+
+
+def scale(case, step):
+    """Energy that takes part in a step [J]: of motion, of a fall over the step and the place."""
+    mass, g = weights(case), np.linalg.norm(step.scene.gravity)
+    speed = np.maximum(np.linalg.norm(step.v0, axis=1), np.linalg.norm(step.v, axis=1))
+    dt = step.scene.stepping.dt
+    speed = speed + g * dt + np.linalg.norm(step.x - step.x0, axis=1) / (dt or 1.0)
+    speed += max((collider_speed(step, c) for c in range(len(step.poses))), default=0.0)
+    if step.scene.drag:
+        speed += np.linalg.norm(step.scene.drag.wind)
+    place = np.abs(step.x).max(axis=1)
+    return float(mass @ (np.square(speed) + g * place))
+
+
+def collider_speed(step, c):
+    """Bound of the speed of the surface of a collider near the particles [m/s]."""
+    (p0, q0), (p1, q1) = step.poses0[c], step.poses[c]
+    dt = step.scene.stepping.dt or 1.0
+    arm = np.abs(step.x0 - p0).max() + np.abs(step.x - p1).max()
+    turn = 2.0 * min(np.linalg.norm(np.subtract(q0, q1)), np.linalg.norm(np.add(q0, q1)))
+    motion = step.scene.colliders[c].motion
+    spin = np.linalg.norm(motion.angular_velocity) if motion else 0.0
+    return np.linalg.norm(np.subtract(p1, p0)) / dt + arm * max(turn / dt, spin)
+
+
+def is_still(step):
+    """Whether no collider moves in a step."""
+    return all(collider.motion is None for collider in step.scene.colliders) and all(
+        np.array_equal(before, after) for one, other in zip(step.poses0, step.poses)
+        for before, after in zip(one, other))
+
+
+def is_uncapped(scene):
+    """Whether there is wet friction of the linear form, which reverses and drives, as README says."""
+    laws = [scene.friction, *(collider.friction for collider in scene.colliders),
+            scene.pairs.friction if scene.pairs else None]
+    return any(law and law.wet and law.wet_form == 'linear' for law in laws)
+
+
+def overlap(case, step):
+    """Whether balls that may collide overlap before a step; to part them is a source."""
+    if step.scene.pairs is None:
+        return False
+    radius = each(case, 'radius', 0.0)
+    apart = np.linalg.norm(step.x0[:, None] - step.x0, axis=2) + np.diag(np.full(len(radius), np.inf))
+    reach = radius[:, None] + radius
+    return bool((apart < reach * (1.0 - ROUNDING)).any())
+
+
+def ledger_closes(case, run, random):
+    """What the ledger says of energy and momentum leaves rounding: README promises 1e-15."""
+    for k, step in enumerate(run):
+        if step.balance is None or is_excused(step):
+            continue
+        size = scale(case, step)
+        if not abs(step.balance.residual) <= ROUNDING * size:
+            return f'step {k}: residual {step.balance.residual:.3g} J of {size:.3g} J'
+        push = np.sqrt(size * weights(case).sum())
+        rest = np.abs(step.balance.momentum.residual).max()
+        if 'pairs' not in case['scene'] and 'springs' not in case['scene'] \
+                and not rest <= ROUNDING * push:
+            return f'step {k}: residual of momentum {rest:.3g} N s of {push:.3g} N s'
+
+
+def losses_are_losses(case, run, random):
+    """
+    Restitution and friction only take; drag without wind, too; still colliders do no work.
+
+    Losses of an impulse are told apart from the work of a collider by its velocity, which is not
+    the same over a step where it turns or its twist is estimated: so only among still ones.
+
+    Not asked of `single_pass`, `multi_pass` and `symplectic_euler`, which book the error of their
+    order there, too.
+    """
+    if method(case) in ('single_pass', 'multi_pass') or stepping(case, 'flight', '') == EULER:
+        return None
+    for k, step in enumerate(run):
+        if step.balance is None or is_excused(step) or is_uncapped(step.scene):
+            continue
+        limit = ROUNDING * scale(case, step)
+        for name in LOSSES if is_still(step) else ():
+            if not getattr(step.balance, name) <= limit:
+                return f'step {k}: {name} brings {getattr(step.balance, name):.3g} J'
+        if not (step.scene.drag and any(step.scene.drag.wind)) and not step.balance.drag <= limit:
+            return f'step {k}: drag brings {step.balance.drag:.3g} J'
+        if 'springs' not in case['scene'] and not overlap(case, step) and not (
+                step.balance.internal <= limit):
+            return f'step {k}: pairs bring {step.balance.internal:.3g} J'
+        if is_still(step) and not np.abs(step.balance.colliders).max(initial=0.0) <= limit:
+            return f'step {k}: colliders that stand still work {step.balance.colliders.tolist()} J'
+
+
+def energy_has_a_source(case, run, random):
+    """
+    Energy does not grow where nothing moves, nothing blows and nobody starts inside.
+
+    Kinetic energy without gravity: whatever the shapes and the method, each answer shrinks a
+    velocity, and repulsion gives none. With gravity kinetic and potential energy together, on
+    planes, where the methods with a collision stage are exact; on curved surfaces they have the
+    error of their order, and so between two planes, where it comes and goes: m (g dt)^2.
+    """
+    if 'springs' in case['scene']:
+        return None
+    mass, gains = weights(case), method(case) in ('single_pass', 'multi_pass')
+    for k, step in enumerate(run):
+        gravity = np.array(step.scene.gravity)
+        if (is_excused(step) or not is_still(step) or is_uncapped(step.scene)
+                or step.scene.drag and any(step.scene.drag.wind)
+                or gravity.any() and (gains or step.scene.stepping.flight == EULER)):
+            continue
+        flat = all(collider.shape == 'plane' for collider in step.scene.colliders)
+        if gravity.any() and (not flat or step.counters['repulsions'] or step.scene.drag
+                              or overlap(case, step)):
+            continue
+        gain = float(mass @ (0.5 * np.square(step.v).sum(axis=1) - step.x @ gravity
+                             - 0.5 * np.square(step.v0).sum(axis=1) + step.x0 @ gravity))
+        size = scale(case, step)
+        between = (step.gaps.min(axis=1) < 1e-6).sum(axis=0) > 1
+        order = float(mass[between].sum() * (gravity @ gravity) * step.scene.stepping.dt ** 2)
+        if not gain <= ROUNDING * size + order:
+            return f'step {k}: energy grows by {gain:.3g} J, of {size:.3g} J that take part'
+
+
+def contacts_are_impulses(case, run, random):
+    """
+    The impulses of the contacts are the changes of momentum that colliders bring.
+
+    Of each particle where particles do not act on each other, else of all together. Where drag
+    depends on the velocity, its impulse does, too, and only the ledger could say it. A particle
+    with as many contacts as are recorded may have had more.
+    """
+    scene = case['scene']
+    if 'springs' in scene or not np.isfinite(each(case, 'mass', 1.0)).all():
+        return None
+    mass = each(case, 'mass', 1.0)
+    for k, step in enumerate(run):
+        if step.contacts is None or is_excused(step) or step.scene.drag and (
+                step.scene.drag.linear or step.scene.drag.quadratic):
+            continue
+        dt = step.scene.stepping.dt
+        change = mass[:, None] * (step.v - step.v0 - dt * np.array(step.scene.gravity))
+        told = np.zeros_like(change)
+        np.add.at(told, step.contacts.particle, step.contacts.impulse)
+        if np.bincount(step.contacts.particle, minlength=1).max() >= MOST_CONTACTS:
+            continue
+        size = np.sqrt(scale(case, step) * mass.sum())
+        if 'pairs' in scene:
+            told, change = told.sum(axis=0)[None], change.sum(axis=0)[None]
+        missing = told - change
+        if not np.abs(missing).max() <= 1e-9 * size:
+            i = int(np.abs(missing).max(axis=1).argmax())
+            return (f'step {k}: particle {i}, or all with pairs: contacts say {told[i].tolist()} N s, the momentum '
+                    f'changes by {change[i].tolist()} N s')
+
+
+def pairs_keep_momentum(case, run, random):
+    """Balls without colliders keep their momentum, but for gravity; drag is left out."""
+    mass = weights(case)
+    if 'pairs' not in case['scene'] or 'springs' in case['scene'] or not np.isfinite(
+            each(case, 'mass', 1.0)).all():
+        return None
+    for k, step in enumerate(run):
+        if is_excused(step) or step.scene.drag or any(
+                step.counters[key] for key in ('collisions', 'contacts', 'repulsions',
+                                               'fail_safes')):
+            continue
+        change = mass @ (step.v - step.v0 - step.scene.stepping.dt * np.array(step.scene.gravity))
+        size = np.sqrt(scale(case, step) * mass.sum())
+        if not np.abs(change).max() <= ROUNDING * size:
+            return f'step {k}: momentum of all balls changes by {change.tolist()} N s'
+
+
+CHECKS = (ledger_closes, losses_are_losses, energy_has_a_source, contacts_are_impulses,
+          pairs_keep_momentum)

@@ -1,0 +1,220 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks 1: nobody is deeper than the stated bound, and nobody passes through.
+
+All look at the run itself; distances come from distances.py. A check gives None where it holds,
+else what is wrong.
+"""
+
+from cases import each, method, stepping
+from distances import crossings, distance, rotation
+import numpy as np
+
+EPSILON = 2.0 ** -52
+# Rounding of a distance: that of a place, of the place of the collider, and of a turn about it.
+SLACK = 256 * EPSILON
+# Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
+EVENT_SLACK = 1e-9
+OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
+ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
+EXCUSES = ('unplaced', 'undecided', 'frozen')
+AROUND = np.random.default_rng(0).standard_normal((64, 3))
+AROUND /= np.linalg.norm(AROUND, axis=1, keepdims=True)
+ALL_AROUND = np.random.default_rng(1).standard_normal((4000, 3))
+ALL_AROUND /= np.linalg.norm(ALL_AROUND, axis=1, keepdims=True)
+
+
+def slack(case, step, c):
+    """Bound of the rounding of distances (N,) to collider c [m]."""
+    collider = step.scene.colliders[c]
+    size = sum(collider.size) + (collider.mesh.extent if collider.mesh else 0.0)
+    far = np.maximum(np.abs(step.x0).max(axis=1), np.abs(step.x).max(axis=1))
+    reach = 1.0 + far + np.abs(step.poses[c][0]).max() + np.abs(step.poses0[c][0]).max() + size
+    return (EVENT_SLACK if method(case) == 'exact' else SLACK) * reach
+
+
+def is_excused(step):
+    """Whether a counter says that somebody could not be placed, or was given up."""
+    return any(step.counters[key] for key in EXCUSES)
+
+
+def stays_outside(case, run, random):
+    """
+    Who starts a step outside of a collider ends it outside, to rounding, or is counted.
+
+    Each collider by itself: so who starts inside of one must not get into another one either.
+    """
+    for k, step in enumerate(run):
+        if is_excused(step):
+            continue
+        for c, collider in enumerate(step.scene.colliders):
+            if collider.mesh and not collider.mesh.closed:
+                continue
+            before, after = step.gaps[c]
+            blur = slack(case, step, c)
+            bad = np.flatnonzero((before >= -blur) & ~(after >= -2.0 * blur))
+            if len(bad):
+                i = bad[0]
+                return (f'step {k}: particle {i} goes from {before[i]:.3g} m outside of '
+                        f'{collider.name} to {-after[i]:.3g} m inside')
+
+
+def buried(case, step, i, poses, x, around):
+    """Least depth [m] over all sides of a point in the union of all colliders; <= 0: free."""
+    points, radius = x[i] + ASKED * around, each(case, 'radius', 0.0)[i]
+    depth = np.full(len(points), -np.inf)
+    for collider, pose in zip(step.scene.colliders, poses):
+        if not (collider.mesh and not collider.mesh.closed):
+            depth = np.maximum(depth, radius - distance(collider, pose, points))
+    return depth.min()
+
+
+def stays_out_of_all(case, run, random):
+    """
+    Who starts a step with free space on some side does not end it walled in on all sides.
+
+    That is the bound for the union of colliders side by side: a point in the seam of two tiles is
+    on the surface of both, and yet inside. Radii count; the rounding of a distance is far below
+    ASKED. Of colliders that move as one; plates that close may leave no space at all.
+    """
+    for k, step in enumerate(run):
+        if is_excused(step):
+            continue
+        for i in _between(step):
+            limit = 0.002 * ASKED
+            if (buried(case, step, i, step.poses, step.x, AROUND) > limit
+                    and buried(case, step, i, step.poses0, step.x0, ALL_AROUND) < -0.05 * ASKED
+                    and buried(case, step, i, step.poses, step.x, ALL_AROUND) > 0.0):
+                return f'step {k}: particle {i} ends walled in at {step.x[i].tolist()}'
+
+
+def passes_nothing(case, run, random):
+    """
+    Nobody passes through: along the chord of a step nobody is inside, where paths are searched.
+
+    That is with `trajectory`: the place where a step ends is right only if the way there is free
+    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface. Only for colliders
+    that do not turn in the step, with which the chord is straight. Meshes are never passed through, whatever
+    the detection: the chord has no crossing with them.
+    """
+    for k, step in enumerate(run):
+        if is_excused(step):
+            continue
+        for c, collider in enumerate(step.scene.colliders):
+            if collider.mesh:
+                problem = _crosses(case, step, c)
+            elif stepping(case, 'detection', '') == 'trajectory' and method(case) != 'exact':
+                problem = _cuts(case, step, c)
+            else:
+                problem = None
+            if problem:
+                return f'step {k}: {problem}'
+
+
+def _crosses(case, step, c):
+    """Crossings of a mesh that does not turn in the step; at both ends away from it."""
+    collider, (p0, q0), (p1, q1) = step.scene.colliders[c], step.poses0[c], step.poses[c]
+    if np.abs(np.subtract(q0, q1)).max() > 1e-12:
+        return None
+    for i in range(len(step.x)):
+        count = crossings(collider, (p0, q0), (p1, q1), step.x0[i], step.x[i])
+        ends = np.abs([distance(collider, (p0, q0), step.x0[i:i + 1])[0],
+                       distance(collider, (p1, q1), step.x[i:i + 1])[0]])
+        if count and (ends > 1e-9).all() and not (collider.mesh.closed and distance(
+                collider, (p0, q0), step.x0[i:i + 1])[0] < 0.0) and count % 2 + (
+                count > 0 and not collider.mesh.closed):
+            return f'particle {i} goes through {collider.name}'
+    return None
+
+
+def _cuts(case, step, c):
+    """Whether a chord cuts a collider that does not turn by more than rounding."""
+    collider, (p0, q0), (p1, q1) = step.scene.colliders[c], step.poses0[c], step.poses[c]
+    if np.abs(np.subtract(q0, q1)).max() > 1e-12:
+        return None
+    before, after = step.gaps[c]
+    blur, radius = slack(case, step, c), each(case, 'radius', 0.0)
+    tau = np.linspace(0.0, 1.0, 65)[:, None]
+    for i in np.flatnonzero((before >= -blur) & (after >= -blur)):
+        chord = (1.0 - tau) * (step.x0[i] - p0) + tau * (step.x[i] - p1)
+        depth = (radius[i] - distance(collider, (np.zeros(3), q0), chord)).max()
+        if depth > 1e-9 + 4.0 * blur[i] + _sag(collider, radius[i], chord[-1] - chord[0]):
+            return f'particle {i} goes {depth:.3g} m deep through {collider.name}'
+    return None
+
+
+def _sag(collider, radius, way):
+    """How deep a chord may cut a round surface that the particle slides along [m]."""
+    if collider.shape not in ('sphere', 'capsule', 'cylinder') or collider.inside:
+        return 0.0
+    return 0.13 * (way @ way) / (collider.size[0] + radius)
+
+
+def balls_keep_apart(case, run, random):
+    """
+    Balls that do not overlap do not come to overlap by more than 1 % of the smaller radius.
+
+    And none goes through another one: with `trajectory` their centres pass each other at no less
+    than nine tenths of the sum of the radii, on the relative chord of a step. A ball that is held
+    between colliders, or that colliders press on from two sides, has no other place.
+    """
+    if 'pairs' not in case['scene'] or 'springs' in case['scene']:
+        return None
+    radius = each(case, 'radius', 0.0)
+    for k, step in enumerate(run):
+        if is_excused(step):
+            continue
+        for i in range(len(radius)):
+            for j in range(i):
+                if not (radius[i] > 0.0 and radius[j] > 0.0):
+                    continue
+                together, least = radius[i] + radius[j], min(radius[i], radius[j])
+                before, after = step.x0[i] - step.x0[j], step.x[i] - step.x[j]
+                if np.linalg.norm(before) < together - OVERLAP * least:
+                    continue
+                if not _has_room(case, step, (i, j)):
+                    continue
+                overlap = together - np.linalg.norm(after)
+                if overlap > 1.5 * OVERLAP * least:
+                    return (f'step {k}: balls {j} and {i} come to overlap by '
+                            f'{overlap / least:.3g} of the radius')
+                if stepping(case, 'detection', '') == 'trajectory':
+                    way = after - before
+                    tau = np.clip(-(before @ way) / max(way @ way, 1e-300), 0.0, 1.0)
+                    if np.linalg.norm(before + tau * way) < 0.9 * together:
+                        return f'step {k}: balls {j} and {i} pass through each other'
+
+
+def _has_room(case, step, balls):
+    """Whether at most one collider is near any of some balls."""
+    near = 0
+    for c in range(len(step.scene.colliders)):
+        _, after = step.gaps[c]
+        size = each(case, 'radius', 0.0)
+        near += any(after[i] < 0.5 * size[i] for i in balls)
+    return near < 2 and len(step.x) < 4
+
+
+def _between(step):
+    """Particles that end on the surfaces of two colliders or more, and not far out."""
+    near = step.gaps.min(axis=1) < ASKED + np.linalg.norm(step.x - step.x0, axis=1)
+    moves = np.array([np.concatenate([np.subtract(after[0], before[0]), after[1] - before[1]])
+                      for before, after in zip(step.poses0, step.poses)])
+    return [i for i in np.flatnonzero((near.sum(axis=0) > 1) & (np.abs(step.x).max(axis=1) < 1e3))
+            if np.ptp(moves[near[:, i]], axis=0).max() < 1e-12]
+
+
+CHECKS = (stays_outside, stays_out_of_all, passes_nothing, balls_keep_apart)
