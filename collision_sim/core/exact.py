@@ -49,9 +49,10 @@ from collision_sim.core.meeting import (BALANCED, facing, gather, least_push, ME
                                         turn_round, ZERO)
 from collision_sim.core.paths import state_at
 from collision_sim.core.placing import freeze, note_unplaced, push_out
-from collision_sim.core.response import record, resolve
-from collision_sim.core.rules import (COLLISION, N_COLLISION, N_CONTACT, N_FAIL_SAFE, N_LOGGED,
-                                      N_UNDECIDED, NONE, ROUNDING, SLIDE, STICK, Touch)
+from collision_sim.core.response import resolve
+from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_FAIL_SAFE,
+                                      N_LOGGED, N_UNDECIDED, NONE, NORMAL, POINT, ROUNDING, SLIDE,
+                                      STICK, Touch)
 from collision_sim.core.shapes import RESTITUTION, SIDE
 from collision_sim.core.stepping import EVENT_BLOCK
 from collision_sim.core.surfaces import FACES, faces, gap_to, Spot, touching_depth
@@ -67,6 +68,26 @@ CHATTER = 800           # most collisions without time between them
 DEEP = 8.0              # times the touching depth: inside, and not by rounding
 HOP = 1e4 * EPSILON     # relative size of a hop that counts as no time between two collisions
 NEAR = 1e4              # times the touching depth: surfaces among which a particle hops
+
+
+@inlined
+def record(log, accounts, here, c, state, point, n, dv):
+    """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
+    if log is not None:
+        b, row = here.block, accounts[here.block, N_LOGGED]
+        for k in range(row - 1, -1, -1):
+            if log[b, k, 0] != here.particle:
+                break
+            if log[b, k, 1] == c:
+                for d in range(3):
+                    log[b, k, CHANGE + d] += dv[d]
+                return
+        if row < log.shape[1]:
+            log[b, row, 0], log[b, row, 1], log[b, row, 2] = here.particle, c, state
+            for d in range(3):
+                log[b, row, POINT + d], log[b, row, NORMAL + d] = point[d], n[d]
+                log[b, row, CHANGE + d] = dv[d]
+            accounts[b, N_LOGGED] = row + 1
 
 
 @kernel

@@ -277,7 +277,7 @@ def least_push(met, count):
     """
     push, rows, parts, lack, need = ZERO, NOBODY, ZERO, _lack(met, count, ZERO), 0.0
     for k in range(count):
-        need = max(need, abs(met[k, NEED]))
+        need = max(need, met[k, NEED])
     choice = first_choice(count)
     while choice[0] != NONE and lack > 4.0 * EPSILON * need:
         i, j, k = choice
