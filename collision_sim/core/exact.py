@@ -393,10 +393,11 @@ def _settle(rules, here, table, poses, motion, courses, accounts, notes, met, du
     for k in range(count):
         s = surface_of(met, k)
         c = s // FACES
-        gap, slope, n = gap_to(rules, here, table, poses, courses, c, s % FACES, table[c, SIDE],
+        gap, slope, _ = gap_to(rules, here, table, poses, courses, c, s % FACES, table[c, SIDE],
                                here.radius, duration, x)
-        if -DEEP * touching_depth(table, poses, here, c, x) <= gap < 0.0:
-            x = add_scaled(x, -gap / slope, n)
+        shallow = gap >= -DEEP * touching_depth(table, poses, here, c, x)
+        met[k, NEED] = -gap / slope * (1.0 + DEEP * EPSILON) if shallow else -inf
+    x = add(x, least_push(met, count)[0])
     if _is_inside(rules, here, table, poses, courses, duration, x):
         accounts[here.block, N_FAIL_SAFE] += 1
         x, c, other = push_out(rules, here, table, poses, motion, x0, x)
