@@ -438,8 +438,9 @@ class Simulation:
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
 
     def _lay_out_log(self):
-        """Make room for the contacts of a step, or need none."""
-        rows = self._block * min(len(self._table), MOST_CONTACTS)
+        """Make room for the contacts of a step, by events of all colliders, or need none."""
+        most = len(self._table)
+        rows = self._block * (most if self._forces is not None else min(most, MOST_CONTACTS))
         self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts else None
         self._planned = None
 

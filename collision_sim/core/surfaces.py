@@ -26,6 +26,7 @@ A surface is named by one number, FACES times the collider plus the face.
 """
 
 from math import inf
+from typing import NamedTuple, Optional
 
 from collision_sim.core.courses import centre, material_velocity, spin_axis, spin_rate
 from collision_sim.core.jit import inlined, kernel
@@ -34,8 +35,27 @@ from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, local_dista
 from collision_sim.core.trajectory import TOUCHING
 from collision_sim.core.vectors import (dot, largest, length, origin, rotate, rotate_back,
                                         subtract, turned)
+import numpy as np
 
 FACES = 8               # room for the faces of a collider
+
+
+class Spot(NamedTuple):
+    """
+    As rules.Here, and `way` [m]: the particle's way in a step at its velocity.
+
+    Its place at a time within the step is known to the rounding of that way.
+    """
+
+    step: int
+    start: int
+    end: int
+    block: int
+    particle: int
+    radius: float
+    chosen: Optional[np.ndarray]
+    answers: Optional[np.ndarray]
+    way: float
 
 
 @inlined
@@ -146,7 +166,7 @@ def gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x):
 def touching_depth(table, poses, here, c, x):
     """Gap [m] below which a particle touches."""
     return TOUCHING * (largest(x) + largest(origin(poses, here.start, c)) + table[c, SIZE]
-                       + here.radius)
+                       + here.radius + here.way)
 
 
 @inlined
