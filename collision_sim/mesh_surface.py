@@ -141,7 +141,8 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
         For the first vertex or face that is not allowed.
 
     """
-    from collision_sim.core.mesh_winding import turn_alike, turn_outward    # takes a while
+    from collision_sim.core.mesh_solid import as_solid          # takes a while
+    from collision_sim.core.mesh_winding import turn_alike
     from collision_sim.core.polygons import cut, PROBLEMS
     _check(vertices, corners, sizes, path, value)
     vertices, numbers = merged(vertices)
@@ -151,9 +152,12 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
     flat = np.flatnonzero(_heights(vertices[faces]) <= THIN * np.abs(vertices).max())
     if len(flat):
         raise SceneError(path, value, f'face {polygons[flat[0]]} has no area')
-    faces, parts, closed = turn_alike(_without_repeats(faces))
-    if closed:
-        faces = turn_outward(vertices, faces, parts)
+    solid = as_solid(vertices, faces)
+    if solid is None:
+        faces = _without_repeats(faces)
+        solid = as_solid(vertices, faces)
+    closed = solid is not None
+    vertices, faces = solid if closed else (vertices, turn_alike(faces)[0])
     used, numbers = np.unique(faces, return_inverse=True)
     return Mesh(read_only(vertices[used]), read_only(numbers.reshape(-1, 3)), closed)
 
