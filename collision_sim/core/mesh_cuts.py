@@ -68,8 +68,7 @@ def boxes_that_meet(lows, highs, groups):
                     continue
                 first = int(nodes[i, NEXT])
                 for b in order[first:first + int(nodes[i, COUNT])]:
-                    if b > a and groups[a] != groups[b] and not (
-                            (lows[b] > highs[a]).any() or (highs[b] < lows[a]).any()):
+                    if b > a and groups[a] != groups[b] and _meet(lows, highs, a, b):
                         if filling:
                             pairs[count, 0], pairs[count, 1] = a, b
                         count += 1
@@ -77,6 +76,15 @@ def boxes_that_meet(lows, highs, groups):
         if not filling:
             pairs = np.empty((count, 2), np.int64)
     return pairs
+
+
+@kernel
+def _meet(lows, highs, a, b):
+    """Whether two boxes have something in common."""
+    for k in range(3):
+        if lows[b, k] > highs[a, k] or highs[b, k] < lows[a, k]:
+            return False
+    return True
 
 
 @kernel
@@ -141,32 +149,32 @@ def _divided(pieces, o, m, p, q, tolerance):
     count = len(pieces)
     for i in range(count):
         piece = pieces[i]
-        n, heights = len(piece), np.empty(len(piece))
+        n, heights, least, most = len(piece), np.empty(len(piece)), 0.0, 0.0
         for k in range(n):
             h = dot(subtract((piece[k, 0], piece[k, 1], piece[k, 2]), o), m)
             heights[k] = h if abs(h) > tolerance else 0.0
-        if not (heights.min() < 0.0 < heights.max()):
+            least, most = min(least, heights[k]), max(most, heights[k])
+        if not least < 0.0 < most:
             continue
-        front, back = np.empty((n + 2, 3)), np.empty((n + 2, 3))
+        front, back = np.empty((2 * n, 3)), np.empty((2 * n, 3))
         fronts, backs, cuts = 0, 0, 0
         first, last = o, o
         for k in range(n):
             a, b = piece[k], piece[(k + 1) % n]
             ha, hb = heights[k], heights[(k + 1) % n]
-            if ha >= 0.0 and fronts < n + 2:
+            if ha >= 0.0:
                 front[fronts] = a
                 fronts += 1
-            if ha <= 0.0 and backs < n + 2:
+            if ha <= 0.0:
                 back[backs] = a
                 backs += 1
             if ha == 0.0 or ha * hb < 0.0:
                 c = (a[0], a[1], a[2])
                 if ha != 0.0:
                     c = _between(c, (b[0], b[1], b[2]), ha, hb)
-                    if fronts < n + 2 and backs < n + 2:
-                        front[fronts, 0], front[fronts, 1], front[fronts, 2] = c
-                        back[backs, 0], back[backs, 1], back[backs, 2] = c
-                        fronts, backs = fronts + 1, backs + 1
+                    front[fronts, 0], front[fronts, 1], front[fronts, 2] = c
+                    back[backs, 0], back[backs, 1], back[backs, 2] = c
+                    fronts, backs = fronts + 1, backs + 1
                 first, last, cuts = (c if cuts == 0 else first), c, cuts + 1
         if cuts < 2 or not _overlap(first, last, p, q, tolerance):
             continue
@@ -208,8 +216,10 @@ def cut(triangles, which, starts, others, tolerance):
     -------
     points : (N, 3) float64 [m]
         Corners of the pieces, one piece after the other.
-    sizes, owners : (P,) int64
-        How many corners each piece has, and of which triangle it is.
+    sizes : (P,) int64
+        How many corners each piece has.
+    counts : (K,) int64
+        How many pieces there are of each triangle.
 
     """
     pieces, counts = [np.empty((3, 3)) for _ in range(0)], np.empty(len(which), np.int64)
@@ -229,7 +239,8 @@ def cut(triangles, which, starts, others, tolerance):
                 if common:
                     _divided(parts, corner(triangles, s, 0), face_normal(triangles, s), p, q,
                              tolerance)
-        pieces.extend(parts)
+        for piece in parts:
+            pieces.append(piece)
         counts[k] = len(parts)
     total = 0
     for piece in pieces:
@@ -239,7 +250,7 @@ def cut(triangles, which, starts, others, tolerance):
         sizes[i] = len(pieces[i])
         points[count:count + sizes[i]] = pieces[i]
         count += sizes[i]
-    return points, sizes, np.repeat(which, counts)
+    return points, sizes, counts
 
 
 @kernel
@@ -250,6 +261,15 @@ def _solid_angle(triangles, t, p):
     la, lb, lc = length(a), length(b), length(c)
     return 2.0 * atan2(dot(a, cross(b, c)),
                        la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
+
+
+@kernel
+def _is_off(lows, highs, k, p, distance):
+    """Whether a point is further from a box than a distance, along some axis."""
+    for axis in range(3):
+        if p[axis] < lows[k, axis] - distance or p[axis] > highs[k, axis] + distance:
+            return True
+    return False
 
 
 @law
@@ -283,8 +303,7 @@ def states_of(triangles, first, lows, highs, points, owners, tolerance):
         p, t = (points[i, 0], points[i, 1], points[i, 2]), owners[i]
         angle, sheets, is_first = 0.0, 1, True
         for k in range(len(first) - 1):
-            if ((points[i] < lows[k] - tolerance).any()
-                    or (points[i] > highs[k] + tolerance).any()):
+            if _is_off(lows, highs, k, p, tolerance):
                 continue
             for s in range(first[k], first[k + 1]):
                 if s == t:

@@ -81,8 +81,8 @@ def _are_walls(vertices, sheets, faces):
     """
     Whether doubled triangles lie within the solid that the others close, by the angles at edges.
 
-    Where there is solid beside a sheet, the next triangle about the edge shows its back. Sheets of which no edge says anything hang together with
-    others, or else they are none.
+    Where there is solid beside a sheet, the next triangle about the edge shows its back. Sheets
+    whose edges say nothing hang together with others, or else they are no walls.
     """
     count = len(sheets)
     edges = edge_numbers(np.concatenate([sheets, faces]))

@@ -82,7 +82,8 @@ def _surface(vertices, faces, parts, tolerance):
     corners = vertices[faces]
     triangles = np.concatenate([corners.reshape(-1, 9), face_normals(corners)[0]], axis=1)
     touched, starts, others = _touching(triangles, corners, parts, tolerance)
-    points, sizes, owners = cut(triangles, touched, starts, others, tolerance)
+    points, sizes, counts = cut(triangles, touched, starts, others, tolerance)
+    owners = np.repeat(touched, counts)
     groups, seeds = _untouched(faces, touched)
     middles = np.add.reduceat(points, np.cumsum(sizes) - sizes) if len(sizes) else points
     middles = np.concatenate([middles / sizes[:, None], corners[seeds].mean(axis=1)])
@@ -122,7 +123,7 @@ def _touching(triangles, corners, parts, tolerance):
 
 
 def _untouched(faces, touched):
-    """Number groups (T,) of triangles that hang together untouched, NONE others; one of each."""
+    """Find groups (T,) of triangles that hang together untouched, NONE: others; one of each."""
     free = np.ones(len(faces), dtype=bool)
     free[touched] = False
     edges = edge_numbers(faces)
