@@ -17,7 +17,7 @@
 Triangles cut where others cross them, and which pieces are part of the surface of a solid.
 
 A piece is convex. It is cut along the plane of another triangle that comes through it, and where
-the other lies in its plane along the sides of that. No piece is crossed then, so its middle speaks
+the other lies in its plane along the sides of that. No piece is crossed then, so one point speaks
 for it: it is part of the surface if the parts wind about one side of it in total at least once,
 and not about the other. The winding number is the sum of the solid angles of all triangles over
 4 pi (A. van Oosterom, J. Strackee: The solid angle of a plane triangle, IEEE Transactions on

@@ -23,7 +23,7 @@ is made of it: walls between parts are gone, and all that asks about a surface k
 """
 
 from collision_sim.core.mesh_build import edge_numbers
-from collision_sim.core.mesh_union import surface_of_parts
+from collision_sim.core.mesh_union import has_flat_part, surface_of_parts
 from collision_sim.core.mesh_winding import closed_parts, turn_alike, turn_outward
 import numpy as np
 
@@ -56,7 +56,7 @@ def as_solid(vertices, faces):
         if not len(faces) or not _are_walls(vertices, sheets, faces):
             return None
         parts = closed_parts(faces, parts)
-    if parts.any():
+    if parts.any() or has_flat_part(vertices[faces], parts):
         return surface_of_parts(vertices, faces, parts)
     return vertices, faces
 

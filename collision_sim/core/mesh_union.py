@@ -28,7 +28,8 @@ from collision_sim.core.mesh_loops import closed_triangles, together
 from collision_sim.core.mesh_winding import connected, joined_sides, NONE
 import numpy as np
 
-ROUNDINGS = 1e-12, 1e-10, 1e-8      # relative: what is the same; tried in turn
+ROUNDINGS = 1e-12, 1e-10, 1e-8, 1e-6        # relative: what is the same; tried in turn
+GOLDEN = 0.6180339887498949
 NEAR = 4.0              # times that: how far apart two roundings of a corner may be
 
 
@@ -56,15 +57,28 @@ def surface_of_parts(vertices, faces, parts):
     order = np.argsort(parts, kind='stable')
     faces, parts = faces[order], parts[order]
     size = np.abs(vertices).max()
-    low, high, _ = _boxes(vertices[faces], parts)
-    margin = ROUNDINGS[0] * size
-    if not len(boxes_that_meet(low - margin, high + margin, np.arange(len(low)))):
+    if not (has_flat_part(vertices[faces], parts)
+            or _some_meet(vertices[faces], parts, ROUNDINGS[0] * size)):
         return vertices, faces
     for rounding in ROUNDINGS:
         surface = _surface(vertices, faces, parts, rounding * size)
         if surface is None or len(surface[1]):
             return surface
     return vertices, faces
+
+
+def has_flat_part(corners, parts):
+    """Whether a part of triangles (T, 3, 3) has no volume, to rounding."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    volume = np.bincount(parts, (a * np.cross(b, c)).sum(axis=1) / 3.0)
+    area = np.bincount(parts, np.sqrt(np.square(np.cross(b - a, c - a)).sum(axis=1)))
+    return bool((np.abs(volume) <= ROUNDINGS[0] * np.abs(corners).max() * area).any())
+
+
+def _some_meet(corners, parts, distance):
+    """Whether the boxes of some parts come as near to each other as a distance [m]."""
+    low, high, _ = _boxes(corners, parts)
+    return len(boxes_that_meet(low, high + distance, np.arange(len(low)))) > 0
 
 
 def _boxes(corners, parts):
@@ -85,10 +99,10 @@ def _surface(vertices, faces, parts, tolerance):
     points, sizes, counts = cut(triangles, touched, starts, others, tolerance)
     owners = np.repeat(touched, counts)
     groups, seeds = _untouched(faces, touched)
-    middles = np.add.reduceat(points, np.cumsum(sizes) - sizes) if len(sizes) else points
-    middles = np.concatenate([middles / sizes[:, None], corners[seeds].mean(axis=1)])
+    places = np.concatenate([_places_in(points, sizes), _places_in(
+        corners[seeds].reshape(-1, 3), np.full(len(seeds), 3))])
     lows, highs, first = _boxes(corners, parts)
-    states = states_of(triangles, first, lows, highs, middles, np.concatenate([owners, seeds]),
+    states = states_of(triangles, first, lows, highs, places, np.concatenate([owners, seeds]),
                        NEAR * tolerance)
     if (states == SHEET).any():
         return None
@@ -99,6 +113,16 @@ def _surface(vertices, faces, parts, tolerance):
     pieces = open_pieces & hidden[owners]
     return closed_triangles(vertices, faces[whole], points[np.repeat(pieces, sizes)],
                             sizes[pieces], NEAR * tolerance)
+
+
+def _places_in(points, sizes):
+    """Find a point (P, 3) in each piece, somewhere off its diagonals."""
+    if not len(sizes):
+        return np.empty((0, 3))
+    starts = np.cumsum(sizes) - sizes
+    weights = 1.0 + (GOLDEN * (np.arange(len(points)) - np.repeat(starts, sizes))) % 1.0
+    sums = np.add.reduceat(np.column_stack([weights[:, None] * points, weights]), starts)
+    return sums[:, :3] / sums[:, 3:]
 
 
 def _touching(triangles, corners, parts, tolerance):
