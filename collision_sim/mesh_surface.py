@@ -145,18 +145,21 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
         For the first vertex or face that is not allowed.
 
     """
-    from collision_sim.core.mesh_winding import turn_alike, turn_outward    # takes a while
+    from collision_sim.core.mesh_solid import as_solid          # takes a while
+    from collision_sim.core.mesh_winding import turn_alike
     _check(vertices, corners, sizes, path, value)
     used = np.zeros(len(vertices), dtype=bool)
     used[corners] = True
     numbers = np.cumsum(used) - 1
     vertices, same = merged(vertices[used])
     faces = _triangles(vertices, same[numbers[corners]], sizes, path, value)
-    faces, repeats = _without_repeats(faces)
+    different, repeats = _without_repeats(faces)
     warn(path, value, repeats, 'with the corners of another one are left out', 'triangles')
-    faces, parts, closed = turn_alike(faces)
-    if closed:
-        faces = turn_outward(vertices, faces, parts)
+    solid = as_solid(vertices, faces)
+    if solid is None:
+        faces, solid = different, as_solid(vertices, different)
+    closed = solid is not None
+    vertices, faces = solid if closed else (vertices, turn_alike(faces)[0])
     used, numbers = np.unique(faces, return_inverse=True)
     return Mesh(read_only(vertices[used]), read_only(numbers.reshape(-1, 3)), closed)
 
