@@ -44,7 +44,7 @@ def distance(rules, here, table, poses, row, c, point):
 
 
 @inlined
-def end_distance(meshes, rules, here, table, poses, c, x0, x1):
+def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
     """
     Signed distance [m] of the particle to a collider at the end of the step, and the normal there.
 
@@ -59,26 +59,26 @@ def end_distance(meshes, rules, here, table, poses, c, x0, x1):
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     if has_faces(table, c):
         if phi < seam_width(table, c, origin(poses, here.end, c)):
-            return _end_in_faces(rules, here, table, poses, c, x0, x1)
+            return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
     return phi - here.radius, n
 
 
 @kernel
-def _end_in_faces(rules, here, table, poses, c, x0, x1):
+def _end_in_faces(rules, here, table, poses, motion, c, x0, x1):
     """Height and normal as `end_distance`, of a particle whose centre ends inside faces."""
     rounding = rounding_depth(here, table, poses, c, x0)
-    if _depth_in_faces(rules, here, table, poses, c, x0) > rounding:
-        return nearest_face(rules, here, table, poses, here.end, c, x1)
-    height, n, _ = crossed_face(rules, here, table, poses, c, x0, x1)
+    if _depth_in_faces(rules, here, table, poses, motion, c, x0) > rounding:
+        return nearest_face(rules, here, table, poses, motion, here.end, c, x1)
+    height, n, _ = crossed_face(rules, here, table, poses, motion, c, x0, x1)
     return height, n
 
 
 @kernel
-def _depth_in_faces(rules, here, table, poses, c, x0):
+def _depth_in_faces(rules, here, table, poses, motion, c, x0):
     """Depth [m] in a box or a cylinder at the start of the step, below a face that is no seam."""
     gap = signed_distance(rules.present, table, poses, here.start, c, x0)[0]
     if gap < seam_width(table, c, origin(poses, here.start, c)):
-        return -nearest_face(rules, here, table, poses, here.start, c, x0)[0]
+        return -nearest_face(rules, here, table, poses, motion, here.start, c, x0)[0]
     return here.radius - gap
 
 
@@ -104,9 +104,9 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
     if has_faces(table, c) and tau <= 1.0:
         q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
         m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
-        if is_covered(rules, here, table, poses, here.end, c, face_towards(table, c, m), q, x0,
+        if is_covered(rules, here, table, poses, motion, c, face_towards(table, c, m), q, tau, x0,
                       False):
-            tau, n = _hit_on_open_face(rules, here, table, poses, c, x0, x1)
+            tau, n = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
             return tau, n, add_scaled(start, tau, move), decided
     if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,
                                   here.radius, x0, dx, tau):
@@ -115,24 +115,24 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
 
 
 @kernel
-def _hit_on_open_face(rules, here, table, poses, c, x0, x1):
+def _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1):
     """Time and normal at which a face is crossed that answers at the end; NEVER if none does."""
     gap, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     if gap < seam_width(table, c, origin(poses, here.end, c)):
-        height, n, tau = crossed_face(rules, here, table, poses, c, x0, x1)
+        height, n, tau = crossed_face(rules, here, table, poses, motion, c, x0, x1)
         if height < 0.0:
             return tau, n
     return NEVER, n
 
 
 @inlined
-def _start_depth(meshes, rules, here, table, poses, c, x0):
+def _start_depth(meshes, rules, here, table, poses, motion, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
     if meshes is not None:
         if table[c, KIND] == MESH:
             return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
     if has_faces(table, c):
-        return _depth_in_faces(rules, here, table, poses, c, x0)
+        return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
@@ -152,20 +152,20 @@ def rounding_depth(here, table, poses, c, x0):
 
 
 @inlined
-def starts_inside(rules, here, table, poses, c, x0):
+def starts_inside(rules, here, table, poses, motion, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
-    depth = _start_depth(rules.present.meshes, rules, here, table, poses, c, x0)
+    depth = _start_depth(rules.present.meshes, rules, here, table, poses, motion, c, x0)
     return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
 
 
 @kernel
-def deepest(rules, here, table, poses, x0, x1):
+def deepest(rules, here, table, poses, motion, x0, x1):
     """
     Collider in which the particle ends deepest, of those it started outside of.
 
     Parameters
     ----------
-    rules, here, table, poses
+    rules, here, table, poses, motion
         As in `resolve`.
     x0, x1 : (3,) tuple of float [m]
         Start and end of the step.
@@ -182,8 +182,9 @@ def deepest(rules, here, table, poses, x0, x1):
     c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
-        if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
+        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                  x1)
+        if phi_k < phi and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
             c, phi, n = k, phi_k, n_k
     return c, phi, n
 
@@ -295,8 +296,8 @@ def _is_left(sweep, rules, here, table, poses, motion, press, touch, x0, x1, v0)
         tau, n, _, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                 pressed)
         return tau > 1.0 or dot(subtract(v0, touch.obj), n) > 0.5 * touch.v_n
-    before, _ = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
-    phi, _ = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, pressed)
+    before, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+    phi, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, pressed)
     return phi >= max(-rounding_depth(here, table, poses, k, x0), 0.5 * before)
 
 
@@ -330,11 +331,11 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     hit, press, deep, phi, inside, dt = NOTHING, NOTHING, 0.0, 0.0, False, rules.flight.dt
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
+        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
         inside, collision = True, NOTHING
-        depth = starts_inside(rules, here, table, poses, k, x0)
+        depth = starts_inside(rules, here, table, poses, motion, k, x0)
         n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
                                      phi_k, n)
         if collides and depth == 0.0:
@@ -360,8 +361,8 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     hit, deep = NOTHING, 0.0
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        phi, n = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
-        if phi < deep and starts_inside(rules, here, table, poses, k, x0) == 0.0:
+        phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+        if phi < deep and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
             n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, 0.0,
                                          phi, n)
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
@@ -404,7 +405,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     gain energy. The face that it touches is taken to go on beyond its edges. A collider that it
     started inside of counts as hit at the start if it ends inside.
     """
-    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
+    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
     arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
@@ -423,7 +424,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                     x1)
     if tau > 1.0 and phi < 0.0 and has_faces(table, k):     # it goes down along a seam
-        tau, n = _hit_on_open_face(rules, here, table, poses, k, x0, x1)
+        tau, n = _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         face = face_below(table, poses, here.start, k, x0, n)
@@ -458,7 +459,7 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     deep, deepest_press, inside, dt = 0.0, 0.0, False, rules.flight.dt
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        depth = starts_inside(rules, here, table, poses, k, x0)
+        depth = starts_inside(rules, here, table, poses, motion, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
         if tau > 1.0:
@@ -491,7 +492,7 @@ def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x
     hit, first, deep = NOTHING, NEVER, 0.0
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        if starts_inside(rules, here, table, poses, k, x0) > 0.0:
+        if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
             continue
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,
                                           x1, v0, u)
@@ -525,11 +526,12 @@ def blocker(sweep, rules, here, table, poses, motion, x0, x1):
         dx = subtract(x1, x0)
         for m in range(how_many(here.chosen, table)):
             k = nth(here.chosen, m)
-            if starts_inside(rules, here, table, poses, k, x0) > 0.0:
+            if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
                 continue
             tau, n, arm, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k,
                                       x0, x1)
-            n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)[1]
+            n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                 x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)
             if tau < first and not slides and approach(dx, obj, n) < 0.0:

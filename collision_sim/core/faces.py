@@ -32,11 +32,13 @@ from math import sqrt
 
 from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.motion import chord_velocity
 from collision_sim.core.rules import NONE, ROUNDING
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, seam_width, SIDE,
-                                       signed_distance, SIZE)
-from collision_sim.core.vectors import (add, add_scaled, largest, length, origin, rotate,
-                                        rotate_back, subtract)
+from collision_sim.core.shapes import (arm_distance, BOX, CAPSULE, CYLINDER, KIND, seam_width,
+                                       SIDE, signed_distance, SIZE)
+from collision_sim.core.trajectory import relative_motion
+from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, origin, rotate,
+                                        rotate_back, subtract, turned)
 
 FLUSH = 1e-9            # relative: how far before a face it is looked whether another covers it
 PAST = 2.0              # time of crossing of a face that is not crossed
@@ -146,52 +148,91 @@ def _drawn_in(table, c, face, q, margin):
     return scale * x, scale * y, z
 
 
+@inlined
+def _close_in(rules, here, poses, motion, c, k, n, tau, x0, margin):
+    """
+    Whether two colliders come together at the start of a step, along normal n of the first.
+
+    What they meet at is then not a seam: a particle in between is pressed.
+    """
+    if tau > 0.0:
+        return False
+    dt = rules.flight.dt
+    one = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+    other = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+    return dt * dot(subtract(one, other), rotate(poses, here.start, c, n)) > margin
+
+
+@inlined
+def _place_at(poses, motion, here, c, tau, q):
+    """Where a point in the frame of a collider is in the world, at a time of the step."""
+    back, axis, angle = relative_motion(motion, here.step, c, (0.0, 0.0, 0.0))
+    arm = rotate(poses, here.start, c, q)
+    if angle > 0.0:
+        arm = turned(axis, angle * tau, arm)
+    return add(add_scaled(origin(poses, here.start, c), -tau, back), arm)
+
+
+@inlined
+def _distance_at(rules, table, poses, motion, here, c, tau, point):
+    """Signed distance [m] of a point of the world to a collider, at a time of the step."""
+    move, axis, angle = relative_motion(motion, here.step, c, (0.0, 0.0, 0.0))
+    arm = add_scaled(subtract(point, origin(poses, here.start, c)), tau, move)
+    if angle > 0.0:
+        arm = turned(axis, -angle * tau, arm)
+    return arm_distance(rules.present, table, poses, here.start, c, arm)[0]
+
+
 @kernel
-def is_covered(rules, here, table, poses, row, c, face, q, x0, starts_inside):
+def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_inside):
     """
     Whether another collider covers a face at the point below q, or comes as near as a seam.
 
     Parameters
     ----------
-    rules, here, table, poses
+    rules, here, table, poses, motion
         As in response.resolve.
-    row : int
-        Row of poses.
     c, face : int
         Collider and face.
     q : (3,) tuple of float [m]
         In the frame of the collider.
+    tau : float [-]
+        When, from 0 to 1 over the step.
     x0 : (3,) tuple of float [m]
         Where the particle starts the step.
     starts_inside : bool
-        Whether that is inside the collider; if not, one that it starts inside of covers nothing.
+        Whether that is inside the collider; if not, one that it starts inside of covers nothing,
+        and neither does one that comes towards it from there.
 
     """
-    place = origin(poses, row, c)
+    place = origin(poses, here.start, c)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
     p = _drawn_in(table, c, face, q, margin)
-    before = add_scaled(p, margin, _face_at(table, c, face, p)[1])
-    probe = add(rotate(poses, row, c, before), place)
+    n = _face_at(table, c, face, p)[1]
+    probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        if k != c and signed_distance(rules.present, table, poses, row, k,
-                                      probe)[0] <= -0.5 * margin:
+        if k != c and _distance_at(rules, table, poses, motion, here, k, tau,
+                                   probe) <= -0.5 * margin:
             gap = signed_distance(rules.present, table, poses, here.start, k, x0)[0]
             rounding = ROUNDING * (largest(x0) + largest(place) + table[k, SIZE])
-            if starts_inside or gap >= -rounding:
+            if starts_inside or (gap >= -rounding and not _close_in(
+                    rules, here, poses, motion, c, k, n, tau, x0, margin)):
                 return True
     return False
 
 
 @kernel
-def nearest_face(rules, here, table, poses, row, c, x):
+def nearest_face(rules, here, table, poses, motion, row, c, x):
     """
     Height over the nearest face that nobody covers, and its normal, for a point in a collider.
 
     Parameters
     ----------
-    rules, here, table, poses, row, c
+    rules, here, table, poses, motion, c
         As in `is_covered`.
+    row : int
+        Row of poses at the start or at the end of the step.
     x : (3,) tuple of float [m]
         World frame; inside the collider or on it.
 
@@ -204,14 +245,18 @@ def nearest_face(rules, here, table, poses, row, c, x):
 
     """
     q = rotate_back(poses, row, c, subtract(x, origin(poses, row, c)))
-    taken, first = 0, NONE
+    taken, first, tau = 0, NONE, 0.0 if row == here.start else 1.0
+    inside = False
     while True:
         face, height = NONE, 0.0
         for f in range(_how_many_faces(table, c)):
             h = _face_at(table, c, f, q)[0]
             if not taken >> f & 1 and (face == NONE or h > height):
                 face, height = f, h
-        if face == NONE or not is_covered(rules, here, table, poses, row, c, face, q, x, True):
+        if first == NONE:
+            inside = height < -seam_width(table, c, origin(poses, row, c))
+        if face == NONE or not is_covered(rules, here, table, poses, motion, c, face, q, tau, x,
+                                          inside):
             break
         taken, first = taken | 1 << face, (face if first == NONE else first)
     height, n = _face_at(table, c, first if face == NONE else face, q)
@@ -219,13 +264,13 @@ def nearest_face(rules, here, table, poses, row, c, x):
 
 
 @kernel
-def crossed_face(rules, here, table, poses, c, x0, x1):
+def crossed_face(rules, here, table, poses, motion, c, x0, x1):
     """
     Answering face of a particle that starts outside a collider and ends in it or on it.
 
     Parameters
     ----------
-    rules, here, table, poses, c
+    rules, here, table, poses, motion, c
         As in `is_covered`.
     x0, x1 : (3,) tuple of float [m]
         Start and end of the step, world frame.
@@ -254,12 +299,15 @@ def crossed_face(rules, here, table, poses, c, x0, x1):
             if face == NONE or t > time or (t == time and h > height):
                 face, time, height = f, t, h
         if face == NONE and first == NONE:
-            return *nearest_face(rules, here, table, poses, here.end, c, x1), 0.0
+            return *nearest_face(rules, here, table, poses, motion, here.end, c, x1), 0.0
         if face == NONE:
             face, time = first, first_time
             break
-        at = add_scaled(q0, min(time, 1.0), subtract(q1, q0)) if taken == 0 else q1
-        if not is_covered(rules, here, table, poses, here.end, c, face, at, x0, False):
+        at, when = q1, 1.0
+        if taken == 0:
+            when = min(time, 1.0)
+            at = add_scaled(q0, when, subtract(q1, q0))
+        if not is_covered(rules, here, table, poses, motion, c, face, at, when, x0, False):
             break
         if first == NONE:
             first, first_time = face, time

@@ -64,7 +64,7 @@ def push_out(rules, here, table, poses, motion, x0, place):
     zero = (0.0, 0.0, 0.0)
     c1, c2, n1, n2, candidate = NONE, NONE, zero, zero, place
     for k in range(PUSHES):
-        c, phi, n = deepest(rules, here, table, poses, x0, place)
+        c, phi, n = deepest(rules, here, table, poses, motion, x0, place)
         if c == NONE:
             return place, NONE, NONE
         a, b = n1, n2
