@@ -18,9 +18,10 @@ Triangle meshes of a scene: what they are, and how corners and polygons become o
 
 Equal vertices are merged, polygons are cut into triangles, faces without area and repeated ones
 are left out, and neighbours are turned the same way round; a SceneWarning says what is left out. A
-mesh is closed if each of its edges has two triangles; it is then turned so that its normals point
-outward. All else is open, edges with three or more triangles included: it stops particles on both
-sides.
+mesh is closed if its triangles pass each edge as often one way as the other; it then becomes the
+surface of the solid that its parts are together, its normals pointing outward
+(core/mesh_solid.py). All else is open, an edge with three triangles included: it stops particles
+on both sides.
 """
 
 from dataclasses import dataclass

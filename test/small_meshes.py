@@ -80,6 +80,20 @@ def tetrahedron(size=1.0):
     return vertices, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
 
 
+def coil(turns, count=24, rise=0.07):
+    """Give a rod of 0.2 m square, bent to a circle of 1 m; beyond one turn it overlaps itself."""
+    around, up = np.array([-0.1, 0.1, 0.1, -0.1]), np.array([-0.1, -0.1, 0.1, 0.1])
+    way = np.linspace(0.0, 1.0, count + 1)[:, None]
+    angle = 2.0 * np.pi * turns * way
+    vertices = np.stack([(1.0 + around) * np.cos(angle), (1.0 + around) * np.sin(angle),
+                         up + rise * way], axis=2).reshape(-1, 3)
+    faces = [[3, 2, 1, 0], [4 * count + k for k in range(4)]]
+    for i, k in product(range(count), range(4)):
+        a, b = 4 * i + k, 4 * i + (k + 1) % 4
+        faces += [[b, b + 4, a + 4], [a, b, a + 4]]
+    return vertices, faces
+
+
 def placed(shape, at=(0.0, 0.0, 0.0), turn=None):
     """Move a mesh and then turn it about the origin."""
     vertices = shape[0] + np.asarray(at)
@@ -106,7 +120,7 @@ def triangles(faces):
 
 
 def _planes(shape):
-    """Normals (F, 3) and distances (F,) of the planes of a convex mesh."""
+    """Find normals (F, 3) and distances (F,) of the planes of a convex mesh."""
     a, b, c = np.moveaxis(shape[0][triangles(shape[1])], 1, 0)
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

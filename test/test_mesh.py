@@ -286,7 +286,7 @@ def test_meshes_side_by_side_in_the_same_arrays():
 
 @pytest.mark.parametrize('seed', range(12))
 def test_the_distance_of_a_union_is_that_to_its_surface(seed):
-    """Inside and outside as by the planes of the parts; the nearest point is on no covered face."""
+    """Inside and outside as by planes of the parts; no nearest point is on a covered face."""
     parts = small_meshes.random_union(seed)
     meshes = build(*small_meshes.joined(*parts))
     points = np.random.default_rng(seed).uniform(-1.5, 1.5, (3000, 3))

@@ -141,6 +141,18 @@ def test_a_triangle_that_is_listed_twice(again):
         assert mesh.closed and volume_and_area(mesh) == pytest.approx((1, 6))
 
 
+@turned
+def test_a_part_that_overlaps_itself(turn):
+    """What is beyond a turn of a flat coil counts once, where other parts make a union anyway."""
+    volumes = []
+    for coil in (small_meshes.coil(1.0, 40, 0.0), small_meshes.coil(1.25, 40, 1e-3)):
+        mesh = made(placed(joined(coil, box((0.3, 0.3, 0.3))), turn=turn))
+        assert mesh.closed
+        assert_closed(mesh)
+        volumes.append(volume_and_area(mesh)[0])
+    assert volumes[1] == pytest.approx(volumes[0], rel=0.01)
+
+
 def test_what_is_open_stays_open():
     """A box without a face, a fin, sheets on both sides: no solid, beside a cube or alone."""
     vertices, faces = CUBE

@@ -38,7 +38,7 @@ CLEAR = 0.2             # how far a winding number may be off a whole one
 
 
 @law
-def boxes_that_meet(lows, highs, groups):
+def boxes_that_meet(lows, highs, groups, corners):
     """
     Pairs of boxes that have something in common.
 
@@ -46,8 +46,8 @@ def boxes_that_meet(lows, highs, groups):
     ----------
     lows, highs : (N, 3) float64 [m]
         Corners of the boxes.
-    groups : (N,) int64
-        Boxes of the same group are no pairs.
+    groups, corners : (N,) int64, (N, C) int64
+        Boxes of the same group that have a corner in common are no pairs.
 
     Returns
     -------
@@ -68,7 +68,8 @@ def boxes_that_meet(lows, highs, groups):
                     continue
                 first = int(nodes[i, NEXT])
                 for b in order[first:first + int(nodes[i, COUNT])]:
-                    if b > a and groups[a] != groups[b] and _meet(lows, highs, a, b):
+                    if b > a and _meet(lows, highs, a, b) and not (
+                            groups[a] == groups[b] and _share(corners, a, b)):
                         if filling:
                             pairs[count, 0], pairs[count, 1] = a, b
                         count += 1
@@ -85,6 +86,16 @@ def _meet(lows, highs, a, b):
         if lows[b, k] > highs[a, k] or highs[b, k] < lows[a, k]:
             return False
     return True
+
+
+@kernel
+def _share(corners, a, b):
+    """Whether two rows have a number in common."""
+    for i in range(corners.shape[1]):
+        for j in range(corners.shape[1]):
+            if corners[a, i] == corners[b, j]:
+                return True
+    return False
 
 
 @kernel

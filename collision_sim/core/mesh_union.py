@@ -78,7 +78,8 @@ def has_flat_part(corners, parts):
 def _some_meet(corners, parts, distance):
     """Whether the boxes of some parts come as near to each other as a distance [m]."""
     low, high, _ = _boxes(corners, parts)
-    return len(boxes_that_meet(low, high + distance, np.arange(len(low)))) > 0
+    number = np.arange(len(low))
+    return len(boxes_that_meet(low, high + distance, number, number[:, None])) > 0
 
 
 def _boxes(corners, parts):
@@ -95,7 +96,7 @@ def _surface(vertices, faces, parts, tolerance):
     faces, parts = faces[kept], parts[kept]
     corners = vertices[faces]
     triangles = np.concatenate([corners.reshape(-1, 9), face_normals(corners)[0]], axis=1)
-    touched, starts, others = _touching(triangles, corners, parts, tolerance)
+    touched, starts, others = _touching(triangles, corners, faces, parts, tolerance)
     points, sizes, counts = cut(triangles, touched, starts, others, tolerance)
     owners = np.repeat(touched, counts)
     groups, seeds = _untouched(faces, touched)
@@ -125,9 +126,9 @@ def _places_in(points, sizes):
     return sums[:, :3] / sums[:, 3:]
 
 
-def _touching(triangles, corners, parts, tolerance):
+def _touching(triangles, corners, faces, parts, tolerance):
     """
-    Triangles that touch some of another part, and these.
+    Triangles that touch some that are not their neighbours, and these.
 
     Returns
     -------
@@ -138,7 +139,7 @@ def _touching(triangles, corners, parts, tolerance):
 
     """
     pairs = boxes_that_meet(corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance,
-                            parts)
+                            parts, faces)
     pairs = pairs[that_touch(triangles, pairs, tolerance)]
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     pairs = pairs[np.lexsort(pairs.T[::-1])]

@@ -93,7 +93,7 @@ def test_slides_over_the_seams_of_parts(floor, detection, radius, turn):
 @both_detections
 @pytest.mark.parametrize('seed', range(4))
 def test_who_starts_inside_parts_comes_out_of_all(detection, seed):
-    """The depth in the union falls by the share of repulsion in each step, from any start."""
+    """The depth falls by the share of repulsion or at its speed in each step, from any start."""
     parts = small_meshes.random_union(seed)
     place = np.random.default_rng(seed).uniform(-1.2, 1.2, (2000, 3))
     depth = -small_meshes.height_in_union(parts, place)
@@ -103,7 +103,8 @@ def test_who_starts_inside_parts_comes_out_of_all(detection, seed):
     assert before.min() > 0.9e-3
     for _ in range(20):
         sim.step()
-        assert -sim.clearance() == pytest.approx(0.9 * before, rel=1e-9, abs=1e-12)
+        after = np.maximum(0.9 * before, before - 10.0 / 240.0)
+        assert -sim.clearance() == pytest.approx(after, rel=1e-9, abs=1e-12)
         before = -sim.clearance()
     assert sim.counters['unplaced'] == 0 and sim.counters['fail_safes'] == 0
 
