@@ -67,7 +67,7 @@ def is_still(step):
 
 
 def is_uncapped(scene):
-    """Whether there is wet friction of the linear form, which reverses and drives, as README says."""
+    """Whether there is wet friction of the linear form, which reverses and drives (README)."""
     laws = [scene.friction, *(collider.friction for collider in scene.colliders),
             scene.pairs.friction if scene.pairs else None]
     return any(law and law.wet and law.wet_form == 'linear' for law in laws)
@@ -78,13 +78,13 @@ def overlap(case, step):
     if step.scene.pairs is None:
         return False
     radius = each(case, 'radius', 0.0)
-    apart = np.linalg.norm(step.x0[:, None] - step.x0, axis=2) + np.diag(np.full(len(radius), np.inf))
-    reach = radius[:, None] + radius
-    return bool((apart < reach * (1.0 - ROUNDING)).any())
+    apart = np.linalg.norm(step.x0[:, None] - step.x0, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    return bool((apart < (radius[:, None] + radius) * (1.0 - ROUNDING)).any())
 
 
 def ledger_closes(case, run, random):
-    """What the ledger says of energy and momentum leaves rounding: README promises 1e-15."""
+    """See that the accounts of energy and momentum leave rounding: README promises 1e-15."""
     for k, step in enumerate(run):
         if step.balance is None or is_excused(step):
             continue
@@ -159,7 +159,7 @@ def energy_has_a_source(case, run, random):
 
 def contacts_are_impulses(case, run, random):
     """
-    The impulses of the contacts are the changes of momentum that colliders bring.
+    See that the impulses of contacts are the changes of momentum that colliders bring.
 
     Of each particle where particles do not act on each other, else of all together. Where drag
     depends on the velocity, its impulse does, too, and only the ledger could say it. A particle
@@ -185,8 +185,8 @@ def contacts_are_impulses(case, run, random):
         missing = told - change
         if not np.abs(missing).max() <= 1e-9 * size:
             i = int(np.abs(missing).max(axis=1).argmax())
-            return (f'step {k}: particle {i}, or all with pairs: contacts say {told[i].tolist()} N s, the momentum '
-                    f'changes by {change[i].tolist()} N s')
+            return (f'step {k}: particle {i}, or all with pairs: contacts say {told[i].tolist()} '
+                    f'N s, the momentum changes by {change[i].tolist()} N s')
 
 
 def pairs_keep_momentum(case, run, random):

@@ -20,7 +20,7 @@ else what is wrong.
 """
 
 from cases import each, method, stepping
-from distances import crossings, distance, rotation
+from distances import crossings, distance
 import numpy as np
 
 EPSILON = 2.0 ** -52
@@ -53,19 +53,19 @@ def is_excused(step):
 
 def stays_outside(case, run, random):
     """
-    Who starts a step outside of a collider ends it outside, to rounding, or is counted.
+    Who starts a step outside of all colliders ends it outside, to rounding, or is counted.
 
-    Each collider by itself: so who starts inside of one must not get into another one either.
+    (Who starts inside of one may be pushed into another one.)
     """
     for k, step in enumerate(run):
         if is_excused(step):
             continue
-        for c, collider in enumerate(step.scene.colliders):
-            if collider.mesh and not collider.mesh.closed:
-                continue
-            before, after = step.gaps[c]
-            blur = slack(case, step, c)
-            bad = np.flatnonzero((before >= -blur) & ~(after >= -2.0 * blur))
+        solid = [c for c, collider in enumerate(step.scene.colliders)
+                 if not (collider.mesh and not collider.mesh.closed)]
+        free = np.all([step.gaps[c, 0] >= -slack(case, step, c) for c in solid], axis=0)
+        for c in solid:
+            collider, (before, after) = step.scene.colliders[c], step.gaps[c]
+            bad = np.flatnonzero(free & ~(after >= -2.0 * slack(case, step, c)))
             if len(bad):
                 i = bad[0]
                 return (f'step {k}: particle {i} goes from {before[i]:.3g} m outside of '
@@ -106,9 +106,10 @@ def passes_nothing(case, run, random):
     Nobody passes through: along the chord of a step nobody is inside, where paths are searched.
 
     That is with `trajectory`: the place where a step ends is right only if the way there is free
-    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface. Only for colliders
-    that do not turn in the step, with which the chord is straight. Meshes are never passed through, whatever
-    the detection: the chord has no crossing with them.
+    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface, and for the
+    fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do not turn in the
+    step, with which the chord is straight. Meshes are never passed through, whatever the
+    detection: the chord has no crossing with them.
     """
     for k, step in enumerate(run):
         if is_excused(step):
@@ -151,7 +152,8 @@ def _cuts(case, step, c):
     for i in np.flatnonzero((before >= -blur) & (after >= -blur)):
         chord = (1.0 - tau) * (step.x0[i] - p0) + tau * (step.x[i] - p1)
         depth = (radius[i] - distance(collider, (np.zeros(3), q0), chord)).max()
-        if depth > 1e-9 + 4.0 * blur[i] + _sag(collider, radius[i], chord[-1] - chord[0]):
+        fall = 0.5 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt ** 2
+        if depth > 1e-9 + 4.0 * blur[i] + fall + _sag(collider, radius[i], chord[-1] - chord[0]):
             return f'particle {i} goes {depth:.3g} m deep through {collider.name}'
     return None
 

@@ -36,8 +36,11 @@ def distance(collider, pose, points):
     Parameters
     ----------
     collider : collision_sim.colliders.Collider
+        Of any shape.
     pose : ((3,), (4,)) [m], [-]
+        Where it is.
     points : (N, 3) float64 [m]
+        Anywhere.
 
     Returns
     -------

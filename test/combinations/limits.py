@@ -21,7 +21,7 @@ error of first order of each hit, which is the way of a step, amplified.
 
 from cases import acts, changed, method, play
 import numpy as np
-from symmetries import lengths, nudged, NUDGE
+from symmetries import lengths, NUDGE, nudged
 
 FINE, COARSE = 64, 16       # steps
 STEADY = 30.0               # most that a nudge is amplified
@@ -71,7 +71,7 @@ def _starts_inside(run):
 
 
 def meets_exact(case, run, random):
-    """Fixed steps meet the event-driven method, at first order at least."""
+    """See that fixed steps meet the event-driven method, at first order at least."""
     scene = case['scene']
     if not run or not _is_plain(case) or 'pairs' in scene or method(case) == 'exact' or any(
             collider['shape'] == 'mesh' for collider in scene.get('colliders', ())) \
@@ -99,7 +99,6 @@ def meets_exact(case, run, random):
 
 def detections_meet(case, run, random):
     """Impacts on the path, and who is inside when a step ends: the same for short steps."""
-    scene = case['scene']
     if not run or not _is_plain(case) or method(case) == 'exact' or _starts_inside(run):
         return None
     duration = _duration(run)
@@ -107,8 +106,8 @@ def detections_meet(case, run, random):
              for name in ('end_of_step', 'trajectory')]
     one, two = (play(other) for other in cases)
     bound = MARGIN * _step_way(two, FINE, duration)
-    thin = min((min(entry for entry in collider.size if entry) for collider in one[0].scene.colliders
-                if any(collider.size)), default=np.inf)
+    thin = min((entry for collider in one[0].scene.colliders for entry in collider.size if entry),
+               default=np.inf)
     error = _far(one, two)
     if error <= bound or bound > thin or any(any(step.counters[key] for key in (
             'unplaced', 'undecided', 'frozen', 'fail_safes')) for step in one + two):

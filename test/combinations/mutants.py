@@ -58,7 +58,8 @@ MUTANTS = (
     ('scripts that are a step late', 'simulation.py',
      'first = self._count if self._since == 0.0', 'first = self._count - 1 if self._since == 0.0'),
     ('a long cylinder with short normals', 'core/shapes.py',
-     'cap = rho - radius, sz * point[2] - half', 'cap = rho - radius, sz * point[2] - 0.99 * half'),
+     'cap = rho - radius, sz * point[2] - half',
+     'cap = rho - radius, sz * point[2] - 0.99 * half'),
     ('a turn about the wrong point', 'core/motion.py',
      'return add(linear, cross(angular, subtract(point, origin(poses, row, c))))',
      'return add(linear, cross(angular, point))'),
@@ -69,7 +70,7 @@ MUTANTS = (
      'return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius',
      'return signed_distance(rules.present, table, poses, row, c, point)[0]'),
     ('a counter that a reset keeps', 'simulation.py',
-     "self._accounts[:] = 0\n", "self._accounts[:] *= 1\n"),
+     'self._accounts[:] = 0\n', 'self._accounts[:] *= 1\n'),
 )
 
 

@@ -61,7 +61,7 @@ def drag_of_zero(case, run, random):
 
 
 def restitution_as_it_is(case, run, random):
-    """The restitution of the scene, written at each collider and at the pairs."""
+    """Write the restitution of the scene at each collider and at the pairs."""
     if any(name == 'set' for name, _ in calls(case)):
         return None
     eps, other = case['scene'].get('restitution', 0.0), copy.deepcopy(case)
@@ -73,7 +73,7 @@ def restitution_as_it_is(case, run, random):
 
 
 def motion_of_zero(case, run, random):
-    """A script that does not move a collider."""
+    """Add scripts that do not move a collider."""
     other, used = copy.deepcopy(case), acts(case, 'move') | acts(case, 'place')
     for collider in other['scene'].get('colliders', ()):
         if collider['name'] not in used:
@@ -145,7 +145,7 @@ def pairs_that_never_meet(case, run, random):
 
 
 def far_mesh(case, run, random):
-    """A mesh far away, open or closed."""
+    """Add a mesh far away, open or closed."""
     if case['scene'].get('stepping', {}).get('method') in ('exact', 'second_order_contact'):
         return None
     mesh = {'name': 'far', 'shape': 'mesh', 'position': [1e3, -2e3, 500.0],
@@ -158,7 +158,7 @@ def far_mesh(case, run, random):
 
 def cut_boxes(case, run, random):
     """
-    A box that is cut in two is the same box, to rounding, for who starts outside.
+    Cut a box in two: it is the same box, to rounding, for who starts outside.
 
     Of boxes that do not turn: then both parts have the motion of the whole.
     """

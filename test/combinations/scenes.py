@@ -106,6 +106,7 @@ def draw(seed):
     Parameters
     ----------
     seed : int or sequence of int
+        Of all random numbers.
 
     Returns
     -------
@@ -197,7 +198,7 @@ def many(dice, case):
 def tiles(dice, case):
     """Give boxes side by side, and places on their seams and their tops."""
     nx, ny, nz = dice.pick((2, 1, 1), (1, 2, 1), (2, 2, 1), (3, 1, 1), (1, 1, 2), (3, 3, 1))
-    size = np.array([dice.pick(0.5, 1.0, 2.0), dice.pick(0.5, 1.0, 2.0), dice.pick(0.1, 0.25, 1.0)])
+    size = np.array([dice.pick(0.5, 1.0, 2.0) for _ in range(2)] + [dice.pick(0.1, 0.25, 1.0)])
     turn = [0.0, 0.0, 0.0, 1.0] if dice.chance(0.6) else dice.turn()
     where = np.array(dice.vector(0.5)) if dice.chance(0.5) else np.zeros(3)
     counts = np.array([nx, ny, nz])
@@ -214,8 +215,8 @@ def tiles(dice, case):
         spot = [short(entry, 3) for entry in spot]
         if dice.chance(0.5):    # on a seam, or close by
             axis = dice.pick(*(np.flatnonzero(counts > 1).tolist() or [0]))
-            spot[axis] = (dice.whole(1, max(counts[axis] - 1, 1)) - 0.5 * counts[axis]) * size[axis]
-            spot[axis] += dice.pick(0.0, 0.0, 0.001, -0.001)
+            seam = dice.whole(1, max(counts[axis] - 1, 1)) - 0.5 * counts[axis]
+            spot[axis] = seam * size[axis] + dice.pick(0.0, 0.0, 0.001, -0.001)
         spot[2] = half[2]
         spots.append((where + frame @ spot, frame[:, 2]))
     if dice.chance(0.2):

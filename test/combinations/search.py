@@ -90,7 +90,7 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
     tell : callable or None
         Called with the Search after each case, and with a Found where there is one.
     shrinks : int
-        Failures of a check that are shrunk.
+        Failures of a check that are shrunk, and told; 0: all are told as they are.
     stop : callable or None
         Says of a Search whether it is to end.
 
@@ -112,10 +112,12 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
         done.applied.update(chosen)
         for name, problem in problems.items():
             done.failed[name] += 1
-            if done.failed[name] > shrinks:
+            small, said = case, problem
+            if 0 < shrinks < done.failed[name]:
                 continue
-            left = max(seconds - (time.monotonic() - start), 1.0)
-            small, said = shrink(case, name, key, min(SHRINKING, left)) if shrinks else (case, '')
+            if shrinks:
+                left = max(seconds - (time.monotonic() - start), 1.0)
+                small, said = shrink(case, name, key, min(SHRINKING, left))
             done.found.append(Found(key, name, said or problem, small, time.process_time() - busy))
             if tell:
                 tell(done, done.found[-1])

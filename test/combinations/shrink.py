@@ -38,6 +38,7 @@ def shrink(case, name, seed, seconds):
     Parameters
     ----------
     case : dict
+        As in cases.py.
     name : str
         Of the check.
     seed : int or sequence of int
@@ -72,7 +73,7 @@ def shrink(case, name, seed, seconds):
 
 
 def _said(case, name, seed):
-    """What a check says of a case, None where it holds or the scene is not accepted."""
+    """Ask a check of a case; None where it holds or the scene is not accepted."""
     return (examine(case, seed, [] if name == RUNS else [name]) or {}).get(name)
 
 

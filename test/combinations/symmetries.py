@@ -24,7 +24,7 @@ that falls on an edge, is left out by that; `own_mirror_image` is for those that
 
 import copy
 
-from cases import acts, calls, changed, each, method, particles, play, single_steps
+from cases import acts, calls, changed, each, particles, play, single_steps
 import numpy as np
 from scenes import product_of
 
@@ -174,7 +174,7 @@ def _compare_rotated(case, run, frame, random):
 
 
 def mirror_image(case, run, random):
-    """The mirror image of a scene has the mirror image of its answer."""
+    """See that the mirror image of a scene has the mirror image of its answer."""
     frame = np.diag([1.0, 1.0, 1.0])
     frame[(axis := int(random.integers(3))), axis] = -1.0
     return _compare_rotated(case, run, frame, random)
@@ -188,7 +188,7 @@ def other_axes(case, run, random):
 
 def own_mirror_image(case, run, random):
     """
-    What is its own mirror image stays so, to rounding: particles come in pairs, or on the plane.
+    See that what is its own mirror image stays so: particles in pairs, or on the plane.
 
     No nudge is asked for here: whatever happens, happens to both sides alike. Who starts inside,
     as far from two faces, has to take one of them, and those on the plane that balance on an edge.

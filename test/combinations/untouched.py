@@ -23,7 +23,7 @@ threads, design.md for colliders that nobody touches and for the order of collid
 import copy
 import pickle
 
-from cases import calls, changed, each, particles, play, simulate, single_steps, state, call
+from cases import call, calls, changed, particles, play, simulate, single_steps, state
 from numba import config
 import numpy as np
 
@@ -38,6 +38,7 @@ def differences(run, other, which=None, colliders=None, contacts=True, counters=
     Parameters
     ----------
     run, other : list of Step
+        As of cases.play.
     which : sequence of int or None
         Particles of `run` that those of `other` are; None: all.
     colliders : sequence of int or None
@@ -110,7 +111,7 @@ def with_colliders(case, more, index):
 
 
 def far_collider_changes_nothing(case, run, random):
-    """A collider far away: still, moving or spinning, first, last or in between."""
+    """Add a collider far away: still, moving or spinning, first, last or in between."""
     count = len(case['scene'].get('colliders', []))
     index = [0, count, int(random.integers(count + 1))][random.integers(3)]
     other, mapping = with_colliders(case, [far_collider(random, 'far')], index)
@@ -191,7 +192,7 @@ def threads(case, run, random):
 
 
 def checkpoint(case, run, random):
-    """A copy or a pickle of the simulation goes on as the simulation would."""
+    """See that a copy or a pickle of the simulation goes on as the simulation would."""
     program = calls(single_steps(case))
     cut = int(random.integers(len(program) + 1))
     sim, deep = simulate(case), random.random() < 0.5
@@ -230,7 +231,8 @@ def _ends_alike(run, sim):
     x, v, counters, _ = state(sim)
     if run and not (np.array_equal(x, run[-1].x, equal_nan=True)
                     and np.array_equal(v, run[-1].v, equal_nan=True)):
-        return f'ends at {x.tolist()}, {v.tolist()}, not {run[-1].x.tolist()}, {run[-1].v.tolist()}'
+        return (f'ends at {x.tolist()}, {v.tolist()}, not '
+                f'{run[-1].x.tolist()}, {run[-1].v.tolist()}')
     total = {key: sum(step.counters[key] for step in run) for key in counters}
     return f'counters {_apart(counters, total)}' if run and counters != total else None
 
