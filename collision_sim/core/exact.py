@@ -112,6 +112,30 @@ def _pressing(rules, forces, here, table, poses, courses, s, t, x, v):
 
 
 @kernel
+def _hop(rules, forces, here, table, poses, courses, s, duration, t, x, v):
+    """Return how a surface presses [m/s^2], and the height of a hop that is only rounding [m]."""
+    press = _pressing(rules, forces, here, table, poses, courses, s, t, x, v)
+    rounding = 2.0 * touching_depth(table, poses, here, s // FACES, x)
+    return press, rounding + EPSILON * press * duration ** 2
+
+
+@kernel
+def _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
+    """Add rows that keep a particle on surfaces off which it would only hop by rounding."""
+    rows = count
+    for k in range(count):
+        s = surface_of(met, k)
+        obj = material_velocity(courses, poses, here, s // FACES, t, x)
+        v_n = dot(subtract(v, obj), facing(met, k))
+        if v_n > 0.0 and rows < count + 3:
+            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
+                                   v)
+            if v_n * v_n <= 2.0 * press * rounding:
+                rows = turn_round(met, k, rows)
+    return rows
+
+
+@kernel
 def _demand(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
     """
     Write the change of normal velocity that each surface a particle approaches asks for.
@@ -136,9 +160,8 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
             c, n = s // FACES, facing(met, k)
             obj, eps = material_velocity(courses, poses, here, c, t, x), table[c, RESTITUTION]
             after, _ = respond(rules, table, c, v, obj, n, v_n, -v_n)
-            press = _pressing(rules, forces, here, table, poses, courses, s, t, x, after)
-            rounding = (2.0 * touching_depth(table, poses, here, c, x)
-                        + EPSILON * press * duration ** 2)
+            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
+                                   after)
             falls = press > 0.0 and v_n * v_n <= 2.0 * press * rounding
             if not (press > 0.0 and (falls or (2.0 * eps * v_n) ** 2
                                      <= 2.0 * rounding * press * (1.0 - eps) ** 2)):
@@ -262,10 +285,11 @@ def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, 
     fast += length(parts)
     if elastic or count == 1:
         return v
+    rows = _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v)
     for k in range(3):
         if choice[k] != NONE:
-            count = turn_round(met, choice[k], count)
-    return _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count, fast,
+            rows = turn_round(met, choice[k], rows)
+    return _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, rows, fast,
                      t, x, v)
 
 
@@ -508,7 +532,7 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         Written; None for no ledger.
 
     """
-    work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 3, MET))
+    work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 6, MET))
     rows = poses.shape[0] - 1
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
