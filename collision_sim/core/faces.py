@@ -57,7 +57,7 @@ def _unit(axis, sign):
 
 
 @kernel
-def _face_at(table, c, face, q):
+def face_at(table, c, face, q):
     """Height [m] of a point over a face, and the normal of the face below it, in its frame."""
     if table[c, KIND] == BOX:
         axis, sign = face // 2, 1.0 - 2.0 * (face % 2)
@@ -112,14 +112,14 @@ def height_over(table, poses, row, c, face, x):
     A particle that slides on a face does not see the edges before it gets there.
     """
     q = rotate_back(poses, row, c, subtract(x, origin(poses, row, c)))
-    height, m = _face_at(table, c, face, q)
+    height, m = face_at(table, c, face, q)
     return height, rotate(poses, row, c, m)
 
 
 @kernel
 def _crossing(table, c, face, q0, q1, radius):
     """Time from 0 to 1 at which a way comes to a face from outside; 0 if it starts behind it."""
-    h0, h1 = _face_at(table, c, face, q0)[0] - radius, _face_at(table, c, face, q1)[0] - radius
+    h0, h1 = face_at(table, c, face, q0)[0] - radius, face_at(table, c, face, q1)[0] - radius
     if h0 <= 0.0:
         return 0.0
     if table[c, KIND] == BOX or face > 0:
@@ -130,9 +130,9 @@ def _crossing(table, c, face, q0, q1, radius):
 
 
 @kernel
-def _drawn_in(table, c, face, q, margin):
+def drawn_in(table, c, face, q, margin):
     """Point of a face below q, at least `margin` [m] from its edges, in its frame."""
-    h, n = _face_at(table, c, face, q)
+    h, n = face_at(table, c, face, q)
     x, y, z = add_scaled(q, -h, n)
     if table[c, KIND] == BOX:
         a, b, d = (max(table[c, SIZE] - margin, 0.0), max(table[c, SIZE + 1] - margin, 0.0),
@@ -207,8 +207,8 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
     """
     place = origin(poses, here.start, c)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
-    p = _drawn_in(table, c, face, q, margin)
-    n = _face_at(table, c, face, p)[1]
+    p = drawn_in(table, c, face, q, margin)
+    n = face_at(table, c, face, p)[1]
     probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
@@ -250,7 +250,7 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
     while True:
         face, height = NONE, 0.0
         for f in range(_how_many_faces(table, c)):
-            h = _face_at(table, c, f, q)[0]
+            h = face_at(table, c, f, q)[0]
             if not taken >> f & 1 and (face == NONE or h > height):
                 face, height = f, h
         if first == NONE:
@@ -259,7 +259,7 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
                                           inside):
             break
         taken, first = taken | 1 << face, (face if first == NONE else first)
-    height, n = _face_at(table, c, first if face == NONE else face, q)
+    height, n = face_at(table, c, first if face == NONE else face, q)
     return height - here.radius, rotate(poses, row, c, n)
 
 
@@ -292,8 +292,8 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
     while True:
         face, time, height = NONE, 0.0, 0.0
         for f in range(_how_many_faces(table, c)):
-            h = _face_at(table, c, f, q1)[0] - here.radius
-            if taken >> f & 1 or _face_at(table, c, f, q0)[0] - here.radius < -slack:
+            h = face_at(table, c, f, q1)[0] - here.radius
+            if taken >> f & 1 or face_at(table, c, f, q0)[0] - here.radius < -slack:
                 continue
             t = PAST if h >= 0.0 else _crossing(table, c, f, q0, q1, here.radius)
             if face == NONE or t > time or (t == time and h > height):
@@ -312,5 +312,5 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
         if first == NONE:
             first, first_time = face, time
         taken |= 1 << face
-    height, n = _face_at(table, c, face, q1)
+    height, n = face_at(table, c, face, q1)
     return height - here.radius, rotate(poses, here.end, c, n), time

@@ -24,7 +24,8 @@ from collision_sim.core.courses import material_velocity
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, RESTITUTION, SIDE, STATIC, WET
-from collision_sim.core.surfaces import face_beside, FACES, faces, gap_to, touching_depth
+from collision_sim.core.surfaces import (face_beside, FACES, faces, gap_to, open_face,
+                                         touching_depth)
 from collision_sim.core.vectors import add_scaled, cross, dot, EPSILON, is_finite, length, subtract
 
 # Columns of the rows: what they are sorted by, static, kinetic and wet friction, restitution,
@@ -108,6 +109,12 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
             obj = material_velocity(courses, poses, here, c, t, x)
             rounding = ROUNDING * (length(v) + length(obj))
             w, s = subtract(v, obj), FACES * c + face
+            other = open_face(rules, here, table, poses, courses, c, here.radius, t, x, n,
+                              touching)
+            if other > 0:
+                s = FACES * c + other
+                n = gap_to(rules, here, table, poses, courses, c, other, side, here.radius, t,
+                           x)[2]
             v_n = dot(w, n)
             if v_n > rounding and not leaving:
                 continue
