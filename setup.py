@@ -15,6 +15,7 @@
 """Installs the package by pip, and by colcon as an ament_python package."""
 
 from glob import glob
+import sys
 
 from setuptools import find_packages, setup
 
@@ -24,6 +25,13 @@ package_name = 'collision_sim'
 def shared(folder):
     """Where ROS looks for the files of one folder of the package, and those files."""
     return f'share/{package_name}/{folder}', sorted(glob(f'{package_name}/{folder}/*.*'))
+
+
+def executables():
+    """Where `ros2 run` looks, for pip; colcon puts the scripts of the entry points there."""
+    if not {'bdist_wheel', 'editable_wheel'} & set(sys.argv):
+        return []
+    return [(f'lib/{package_name}', sorted(glob('resource/lib/*')))]
 
 
 setup(
@@ -44,12 +52,15 @@ setup(
         shared('launch'),
         shared('scenes'),
         shared('rviz'),
+        *executables(),
     ],
     zip_safe=False,
     install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML', 'tqdm'],
     extras_require={
         # The figures of `collision_sim report`.
         'report': ['matplotlib'],
+        # Meshes in glTF and 3MF files.
+        'meshes': ['lxml', 'networkx', 'trimesh'],
         # `collision_sim run` with --record and --poses.
         'record': ['rosbags>=0.11'],
         # `collision_sim sweep` on a Dask cluster, and its tables in Parquet.
@@ -78,7 +89,9 @@ setup(
             'flake8-import-order',
             'flake8-quotes',
             'hypothesis',
+            'lxml',
             'matplotlib',
+            'networkx',
             'pyarrow',
             'pydocstyle',
             'pytest',
@@ -87,6 +100,7 @@ setup(
             'rosbags>=0.11',
             'scipy',
             'selenium',
+            'trimesh',
             'viser>=1.0,<2',
         ],
     },

@@ -20,14 +20,19 @@ import shutil
 import struct
 
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held
+from collision_sim.input_files import check_ordinary
 from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                 QosTime)
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import (CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer,
+                             WriterError)
 from rosbags.rosbag2.storage_mcap import McapWriter, zstd
 from rosbags.typesys import get_typestore, Stores
 
 # The records that end an MCAP file without an index: DataEnd, Footer, and the magic bytes.
 END = struct.pack('<BQI', 0x0F, 4, 0) + struct.pack('<BQQQI', 0x02, 20, 0, 0, 0) + b'\x89MCAP0\r\n'
+COMPRESSED = b'\x28\xb5\x2f\xfd'      # begins what zstd made; no serialized message begins so
+LARGEST = 2 ** 20   # bytes of a message that is decompressed
 LEVEL = 1           # of zstd; its default takes two and a half times as long for the same size
 BUFFER = 2 ** 23    # bytes; a chunk and its end go to disk in one piece
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
@@ -80,15 +85,18 @@ class BagWriter:
     """
 
     def __init__(self, path, topics, latched=()):
-        self._path, self._draft, self._whole = path, f'{path}.draft', True
+        self._path, self._draft = os.path.realpath(path), f'{path}.draft'
         if os.path.isdir(path):
             raise SceneError('--record', path, 'must not be a folder')
-        if os.path.exists(self._draft):
+        try:
+            self._writer = _McapFolderWriter(self._draft, version=9,
+                                             storage_plugin=StoragePlugin.MCAP)
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer.open()
+        except WriterError:         # the first to make the folder writes
             raise SceneError('--record', self._draft, 'must not be there: it is being written, or '
-                                                      'left by a run that was killed')
-        self._writer = _McapFolderWriter(self._draft, version=9, storage_plugin=StoragePlugin.MCAP)
-        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        self._writer.open()
+                                                      'left by a run that was killed') from None
+        self._empty = True
         types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {
             topic: self._writer.add_connection(
@@ -98,19 +106,32 @@ class BagWriter:
 
     def write(self, topic, time, message):
         """Add a serialized message that is sent at a time [ns]."""
+        self._empty = False
         try:
             self._writer.write(self._topics[topic], time, message)
         except OSError as error:        # such as a full disk
-            self._whole = False
             raise OSError(error.errno, error.strerror, self._draft) from None
 
-    def close(self):
-        """Write the index and give the file its name, if nothing has gone wrong."""
-        if not self._whole:
-            return
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        """Write the index and give the file its name; after an error the draft stays, if any."""
+        with held():
+            if kind is None:
+                self._publish()
+            elif self._empty:
+                shutil.rmtree(self._draft)
+            elif not issubclass(kind, OSError):
+                self._writer.close()
+
+    def _publish(self):
         self._writer.close()
         name = os.path.basename(self._draft)
-        os.replace(os.path.join(self._draft, f'{name}.mcap'), self._path)
+        draft = os.path.join(self._draft, f'{name}.mcap')
+        with open(draft, 'rb') as file:
+            os.fsync(file.fileno())
+        os.replace(draft, self._path)
         shutil.rmtree(self._draft)
 
 
@@ -141,11 +162,12 @@ def read_bag(path, topics, kind):
 
     """
     try:
+        _check_files(path)
         with Reader(path) as reader:
             there = {connection.topic: connection.msgtype for connection in reader.connections}
             wanted = [connection for connection in reader.connections
                       if connection.topic in topics and connection.msgtype == kind]
-            messages = [(time, connection.topic, bytes(data))
+            messages = [(time, connection.topic, _decompressed(bytes(data)))
                         for connection, time, data in reader.messages(wanted)] if wanted else []
             start = reader.start_time
     except OSError:
@@ -158,3 +180,24 @@ def read_bag(path, topics, kind):
                                           f'there is {listing or "nothing"}')
     messages.sort(key=lambda message: message[0])
     return start, messages
+
+
+def _check_files(path):
+    """Raise OSError where a file of a bag is a pipe or a device, which might never end."""
+    if not os.path.isdir(path):
+        check_ordinary(path)
+        return
+    for entry in os.scandir(path):
+        if not entry.is_dir():
+            check_ordinary(entry.path)
+
+
+def _decompressed(message):
+    """
+    Give a message of a bag whose messages are compressed one by one.
+
+    That they are is said by the metadata of the bag, but not in each of its files.
+    """
+    if not message.startswith(COMPRESSED):
+        return message
+    return zstd.ZstdDecompressor().decompress(message, LARGEST)

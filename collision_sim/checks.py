@@ -21,7 +21,6 @@ value in its final type or raises SceneError with that path. Units are SI, '' is
 
 from array import array
 from collections.abc import Mapping
-import csv
 from dataclasses import dataclass
 import difflib
 import math
@@ -29,6 +28,7 @@ from numbers import Integral, Real
 import re
 import reprlib
 from typing import NamedTuple
+import warnings
 
 import numpy as np
 import yaml
@@ -61,6 +61,33 @@ class SceneError(ValueError):
 
     def __reduce__(self):  # so that it passes from a worker process to the one that waits
         return SceneError, (self.key, self.value, self.allowed)
+
+
+class SceneWarning(UserWarning):
+    """What was left out or changed of a file so that it can be used."""
+
+
+def warn(path, value, numbers, what, things='faces'):
+    """
+    Warn of some of the things in a value, if there are any, by a SceneWarning.
+
+    Parameters
+    ----------
+    path : str
+        Of the key that the value stands under.
+    value : object
+        What was given there.
+    numbers : (K,) int
+        Numbers of the things, in their order.
+    what : str
+        What is said of them.
+    things : str
+        What they are.
+
+    """
+    if len(numbers):
+        warnings.warn(f'{path}: {_SHORT.repr(value)}: {len(numbers)} {things} {what}; the first '
+                      f'is {numbers[0]}', SceneWarning, stacklevel=2)
 
 
 class Parameter(NamedTuple):
@@ -315,7 +342,7 @@ def read_vectors(value, path, leaf):
     """Give a list of vectors as an (N, 3) array."""
     if isinstance(value, np.ndarray):
         try:
-            return _vectors(value)
+            return finite_vectors(value)
         except ValueError as error:
             raise SceneError(path, value, f'each row {leaf.allowed}; {error}') from None
     if not isinstance(value, (list, tuple)):
@@ -324,7 +351,7 @@ def read_vectors(value, path, leaf):
     return np.array(vectors, dtype=np.float64).reshape(-1, 3)
 
 
-def _vectors(array):
+def finite_vectors(array):
     """Give a copy of an (N, 3) array as float64; ValueError says what is wrong with it."""
     if array.dtype.kind not in 'iuf' or array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f'this is {array.dtype} of shape {array.shape} instead of (N, 3) numbers')
@@ -346,31 +373,6 @@ def read_each(value, path, leaf, count, things='particles'):
                                       f'{things}, not {len(rows)}')
     numbers = [leaf.read(row, f'{path}[{i}]') for i, row in enumerate(rows)]
     return read_only(np.array(numbers, dtype=np.float64))
-
-
-def read_file(value, path, directory):
-    """Give the (N, 3) positions in a .npy or .csv file."""
-    name = Text(r'(?s:.+)\.(npy|csv)', 'must be the name of a .npy or .csv file').read(value, path)
-    read = _read_csv if name.endswith('.csv') else _read_npy
-    try:
-        return _vectors(read(directory / name))
-    except Exception as error:  # whatever a broken file makes its reader raise
-        problem = ' '.join(str(error).split()) or type(error).__name__
-        raise SceneError(path, name, f'must hold the positions (N, 3); {problem}') from None
-
-
-def _read_npy(path):
-    with open(path, 'rb') as file:
-        return np.lib.format.read_array(file, allow_pickle=False)
-
-
-def _read_csv(path):
-    """Read columns x, y, z; a first line with their names is skipped."""
-    with open(path, newline='', encoding='utf-8-sig') as file:
-        rows = [row for row in csv.reader(file) if row]
-    if rows and [name.strip().lower() for name in rows[0]] == ['x', 'y', 'z']:
-        rows = rows[1:]
-    return np.array(rows, dtype=np.float64).reshape(len(rows), 3)
 
 
 def read_only(array):
@@ -396,7 +398,19 @@ MERGE = 'tag:yaml.org,2002:merge'
 
 
 class Loader(yaml.SafeLoader):
-    """YAML as people expect it: 1e-3 is a number, and a key given twice is an error."""
+    """
+    YAML with the numbers of its version 1.2, in which a key given twice is an error.
+
+    Source: YAML 1.2.2, section 10.3.2, core schema. PyYAML is of version 1.1, in which 010 is 8,
+    1:30 is 90, 1_000 a number, 1e3 none, and `no` is false.
+    """
+
+    yaml_implicit_resolvers = {}
+
+    def construct_whole_number(self, node):
+        """Give a whole number, written in tens, as 0o in eights or as 0x in sixteens."""
+        text = self.construct_scalar(node)
+        return int(text.replace('_', '?'), {'0o': 8, '0x': 16}.get(text[:2], 10))
 
     def compose_mapping_node(self, anchor):
         node = super().compose_mapping_node(anchor)
@@ -434,10 +448,16 @@ def _name(key):
     return key.value if isinstance(key, yaml.ScalarNode) else id(key)
 
 
-Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float',
-    re.compile(r'[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$'),
-    list('-+0123456789'))
+for _tag, _pattern, _first in (
+        ('null', r'~|null|Null|NULL|', '~nN'),
+        ('bool', r'true|True|TRUE|false|False|FALSE', 'tTfF'),
+        ('int', r'[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+', '-+0123456789'),
+        ('float', r'[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?'
+                  r'|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)', '-+.0123456789'),
+        ('merge', r'<<', '<')):
+    Loader.add_implicit_resolver(f'tag:yaml.org,2002:{_tag}', re.compile(rf'(?:{_pattern})\Z'),
+                                 [*_first, *[''] * (_tag == 'null')])
+Loader.add_constructor('tag:yaml.org,2002:int', Loader.construct_whole_number)
 
 
 def _quotes_hint(value) -> str:
@@ -445,7 +465,7 @@ def _quotes_hint(value) -> str:
     if not isinstance(value, str):
         return ''
     try:
-        float(value)
+        float(value.replace('_', '?'))      # Python reads 1_000, YAML does not
     except ValueError:
         return ''
     return ', written without quotes'

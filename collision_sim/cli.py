@@ -16,11 +16,10 @@
 The command line: `collision_sim run | view | report | advise | stability | bench | sweep`.
 
 A subcommand is a module with `add_arguments(parser)` and `run(arguments)`, which gives the exit
-code; only the module of the one that was asked for is imported.
+code; only the module of the one that was asked for is imported. Nothing that takes long is before
+`main` listens for Ctrl-C.
 """
 
-import argparse
-from importlib import import_module
 import sys
 
 COMMANDS = {
@@ -61,6 +60,8 @@ def parse(words):
         Its `run` is the function to call with it.
 
     """
+    import argparse
+    from importlib import import_module
     parser = argparse.ArgumentParser(
         prog='collision_sim', epilog=EXAMPLES,
         description='Particles that collide with fixed and moving colliders.',
@@ -74,6 +75,15 @@ def parse(words):
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     return parser.parse_args(words)
+
+
+def _show(others, message, category, *place):
+    """Print a warning about a scene in a line, as an error would be; leave others to `others`."""
+    from collision_sim.checks import SceneWarning
+    if issubclass(category, SceneWarning):
+        print(f'collision_sim: warning: {message}', file=sys.stderr)
+    else:
+        others(message, category, *place)
 
 
 def main(words=None):
@@ -91,16 +101,44 @@ def main(words=None):
         For the shell: 2 for a scene or a file that is not as it should be, 130 after Ctrl-C.
 
     """
-    from collision_sim.checks import SceneError
     try:
-        arguments = parse(sys.argv[1:] if words is None else list(words))
-        return arguments.run(arguments)
-    except (SceneError, OSError) as error:
-        print(f'collision_sim: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('collision_sim: interrupted', file=sys.stderr)
-        return INTERRUPTED
+        from collision_sim.core.interrupts import leave_what_is_aside
+        from collision_sim.listener import Listener
+        with Listener(last=words is None) as listener:
+            code = _do(sys.argv[1:] if words is None else list(words), listener)
+    except KeyboardInterrupt:       # before it listened
+        return _interrupted(INTERRUPTED)
+    if words is None:
+        leave_what_is_aside(code)
+    return code
+
+
+def _do(words, listener):
+    """Do what the words ask for; the exit code."""
+    try:
+        from functools import partial
+        import warnings
+        with warnings.catch_warnings():
+            warnings.showwarning = partial(_show, warnings.showwarning)
+            arguments = parse(words)
+            return arguments.run(arguments)
+    except BaseException as error:
+        if listener.number and not listener.heard:      # whatever a library has made of it
+            return _interrupted(listener.hush())
+        from collision_sim.checks import SceneError
+        if isinstance(error, (SceneError, OSError)):
+            print(f'collision_sim: {error}', file=sys.stderr)
+            return REFUSED
+        if isinstance(error, MemoryError):
+            print(f'collision_sim: not enough memory: {error}', file=sys.stderr)
+            return REFUSED
+        raise
+
+
+def _interrupted(code):
+    """Say so; the exit code."""
+    print('collision_sim: interrupted', file=sys.stderr)
+    return code
 
 
 if __name__ == '__main__':

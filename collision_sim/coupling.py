@@ -57,58 +57,84 @@ class Coupling:
         self._pairs = PairSolver(scene) if scene.pairs else None
         self.adopt(scene)
 
+    def __getstate__(self):
+        """Give what a copy goes on from; threads are not taken along."""
+        return {**vars(self), '_crew': None, '_parts': None}
+
     def adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
-        self.parts, self._springs = 1, scene.springs
+        self.parts, self._springs, self._compiled = 1, scene.springs, set()
         if scene.springs:
             self.parts = scene.springs.substeps(scene.particles, scene.stepping.dt)
             solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
             self._solver = solver(scene)
 
-    def step(self, parts, steps, row, threads):
+    def step(self, parts, row, threads):
         """
-        Take the particles through some steps that are laid out.
+        Take the particles through a step that is laid out, or, where that is interrupted, not.
 
         Parameters
         ----------
         parts : plan.Parts
             With the poses of all steps.
-        steps : int
-            How many.
         row : int
-            Row of the poses at the start of the first of them.
+            Row of the poses at its start.
         threads : int
             Most threads to use.
 
         """
-        for poses, motion in self._substeps(parts.poses, parts.motion, steps, row):
-            self._substep(parts._replace(poses=poses, motion=motion), threads)
+        before = self._what_changes(parts)
+        kept = [table.copy() for table in before]
+        try:
+            for poses, motion in self._substeps(parts.poses, parts.motion, row):
+                self._substep(parts._replace(poses=poses, motion=motion), threads)
+        except BaseException:
+            for table, old in zip(before, kept):
+                table[:] = old
+            raise
 
-    def _substeps(self, poses, motion, steps, row):
+    def _what_changes(self, parts):
+        """
+        Give what an interrupted step may have changed.
+
+        Interrupts come while something is compiled, and before the first substep changes places
+        and velocities all that it needs has been.
+        """
+        changing = [parts.accounts, parts.notes]
+        if parts.ledger:
+            changing.append(parts.ledger.rows)
+        if self.parts > 1:
+            changing += [parts.x, parts.v]
+        return changing
+
+    def _substeps(self, poses, motion, row):
         """Poses (2, C, 12) and motion (1, C, MOTION) of each substep."""
         if motion is None:
-            yield from [(poses, None)] * (steps * self.parts)
+            yield from [(poses, None)] * self.parts
             return
-        for s in range(row, row + steps):
-            cut, turns = subdivide(poses[s:s + 2], motion[s:s + 1], self.parts)
-            yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(self.parts))
+        cut, turns = subdivide(poses[row:row + 2], motion[row:row + 1], self.parts)
+        yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(self.parts))
 
     def _substep(self, parts, threads):
         """Take one substep: candidates by springs and pairs, and then the colliders."""
+        crew = self._crew_for(parts)
         parts.accounts[:, N_LOGGED] = 0
         if self._solver:
             self._stretch(parts, threads)
         if self._pairs:
             self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
-        crew = self._crew_for(parts)
         crew.run(threads if len(parts.accounts) > FEW else 1, len(parts.accounts), 1, 0)
 
     def _crew_for(self, parts):
         """Give the crew of a substep; that of the last one, where it works on the same parts."""
         if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
-            self._parts = parts
-            plan = make_plan(parts._replace(candidates=self._candidates))
-            self._crew = Crew(step_blocks, plan, stays=False)
+            crew = Crew(step_blocks, make_plan(parts._replace(candidates=self._candidates)),
+                        stays=False)
+            kind = tuple(part is None for part in parts)
+            if kind not in self._compiled:      # before anything changes
+                crew.prepare()
+                self._compiled.add(kind)
+            self._crew, self._parts = crew, parts
         return self._crew
 
     def _strike(self, parts, threads):

@@ -20,13 +20,15 @@ laid out here, a row for each step. Scripts are laid out ahead, so that most ste
 ready.
 """
 
+from copy import deepcopy
 from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
 from collision_sim.core.broad_phase import in_grid, make_grid
-from collision_sim.core.motion import (chord_twists, END, end_twists, ESTIMATED, fill_turns,
-                                       MOTION, script_poses, START, TWIST)
+from collision_sim.core.motion import (chord_twists, DOUBT, END, end_twists, fill_turns, MOTION,
+                                       script_poses, START, TURN, TWIST)
 from collision_sim.core.rotation import quaternion
+from collision_sim.core.vectors import EPSILON
 from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
 
@@ -39,8 +41,8 @@ class Tracks(NamedTuple):
     """
     Poses (S, K, 12) of colliders at the ends of the next S steps; twists at both ends (S, K, 6).
 
-    which (K,): the colliders; chords (S, K, 6) where the twists are estimated from the poses, None
-    where they were given.
+    which (K,): the colliders; chords and their changes (S, K, 6) where the twists are estimated
+    from the poses, None where they were given.
     """
 
     which: np.ndarray
@@ -48,6 +50,7 @@ class Tracks(NamedTuple):
     starts: np.ndarray
     ends: np.ndarray
     chords: Optional[np.ndarray]
+    changes: Optional[np.ndarray]
 
     def part(self, which, columns=slice(None), steps=slice(None)):
         """Give those of some colliders, or some of the steps."""
@@ -105,7 +108,7 @@ class Kinematics:
         self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
         self._in_grid = in_grid(self._table)
         self._many = not self._exact and len(self._in_grid) > 0
-        self.laid_out = 0
+        self.laid_out, self._compiled = 0, False
         self.reset()
 
     def reset(self):
@@ -164,6 +167,9 @@ class Kinematics:
             return most
         ahead = len(self.poses) - 1 - self.row
         if self._tracks or ahead == 0:
+            if not self._compiled:      # an interrupt meanwhile leaves everything as it is
+                deepcopy(self)._lay_out(1, first, dt)
+                self._compiled = True
             ahead = self._lay_out(most, first, dt)
         return min(most, ahead)
 
@@ -207,8 +213,9 @@ class Kinematics:
         which, chords = tracks.which, tracks.chords
         self.poses[1:, which] = tracks.poses[:steps]
         self.motion[:, which, START:END] = tracks.starts[:steps]
-        self.motion[:, which, END:ESTIMATED] = tracks.ends[:steps]
-        self.motion[:, which, ESTIMATED] = chords is not None
+        self.motion[:, which, END:DOUBT] = tracks.ends[:steps]
+        if chords is not None:
+            self.motion[:, which, DOUBT:TURN] = tracks.changes[:steps]
         if len(tracks.poses) > steps:
             self._tracks.append(tracks.after(steps))
         self._moved[which] = True
@@ -233,17 +240,19 @@ class Kinematics:
             raise SceneError('colliders', list(names), 'must be given once each')
         p = _tables('position', names, positions, 3)
         q = _units(names, _tables('orientation', names, orientations, 4, p.shape[1]))
+        poses = pose_rows(self._frames[which], p.swapaxes(0, 1), q.swapaxes(0, 1))
+        rests = _keep_where_at_rest(self.now[0, which], poses)
         if twists is None:
             chords = np.stack([self._chords_to(k, p[i], q[i], dt or 1.0)
                                for i, k in enumerate(which)], axis=1)
-            starts, ends = end_twists(chords, self._chords[:, which])
+            chords[rests] = 0.0
+            starts, ends, changes = end_twists(chords, self._chords[:, which])
         else:
             ends = _tables('twist', names, twists, TWIST, p.shape[1]).swapaxes(0, 1)
-            before, chords = self._given[which], None
+            before, chords, changes = self._given[which], None, None
             starts = np.concatenate([np.where(np.isnan(before), ends[0], before)[None], ends[:-1]])
-        poses = pose_rows(self._frames[which], p.swapaxes(0, 1), q.swapaxes(0, 1))
         self._drop_tracks(which)
-        self._tracks.append(Tracks(which, poses, starts, ends, chords))
+        self._tracks.append(Tracks(which, poses, starts, ends, chords, changes))
         self._moves = True
 
     def _chords_to(self, k, positions, orientations, dt):
@@ -280,6 +289,27 @@ class Kinematics:
             allowed = 'must be one of ' + (', '.join(self._indices) or '(no colliders)')
             raise SceneError('collider', name, allowed)
         return self._indices[name]
+
+
+def _keep_where_at_rest(now, poses):
+    """
+    Let colliders keep their pose now (K, 12) where poses (S, K, 12) differ by rounding only.
+
+    An orientation that was read and is given back has been a matrix meanwhile.
+
+    Returns
+    -------
+    rests : (S, K) bool
+        Where that is so.
+
+    """
+    rests = np.empty(poses.shape[:2], dtype=bool)
+    for s, later in enumerate(poses):
+        rests[s] = (later[:, 9:] == now[:, 9:]).all(axis=1) & (
+            np.abs(later[:, :9] - now[:, :9]).max(axis=1) <= 4.0 * EPSILON)
+        later[rests[s]] = now[rests[s]]
+        now = later
+    return rests
 
 
 def _rows(key, value, columns, count=None):

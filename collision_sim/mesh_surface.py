@@ -16,17 +16,19 @@
 """
 Triangle meshes of a scene: what they are, and how corners and polygons become one.
 
-Equal vertices are merged, polygons are cut into triangles, repeated triangles are dropped and
-neighbours are turned the same way round. A mesh is closed if each of its edges has two triangles;
-it is then turned so that its normals point outward. All else is open, edges with three or more
-triangles included: it stops particles on both sides.
+Equal vertices are merged, polygons are cut into triangles, faces without area and repeated ones
+are left out, and neighbours are turned the same way round; a SceneWarning says what is left out. A
+mesh is closed if its triangles pass each edge as often one way as the other; it then becomes the
+surface of the solid that its parts are together, its normals pointing outward
+(core/mesh_solid.py). All else is open, an edge with three triangles included: it stops particles
+on both sides.
 """
 
 from dataclasses import dataclass
 from numbers import Integral
 
 from collision_sim.checks import as_list, join, MISSING, read_only, read_vectors, SceneError
-from collision_sim.checks import Vector
+from collision_sim.checks import Vector, warn
 import numpy as np
 
 MESH_KEYS = ('file', 'vertices', 'faces')
@@ -116,6 +118,9 @@ def _read_faces(value, path):
                 isinstance(k, Integral) and not isinstance(k, bool) and abs(k) < MOST_VERTICES
                 for k in corners):
             raise SceneError(f'{path}[{i}]', face, 'must be a list of numbers of vertices')
+        if len(corners) < 3:
+            raise SceneError(path, value, f'face {i} must have at least 3 corners, not '
+                                          f'{len(corners)}')
     return (np.array([k for face in faces for k in face], dtype=np.int64),
             np.array([len(face) for face in faces], dtype=np.int64))
 
@@ -141,40 +146,65 @@ def make_mesh(vertices, corners, sizes, path, value) -> Mesh:
         For the first vertex or face that is not allowed.
 
     """
-    from collision_sim.core.mesh_winding import turn_alike, turn_outward    # takes a while
-    from collision_sim.core.polygons import cut, PROBLEMS
+    from collision_sim.core.mesh_solid import as_solid          # takes a while
+    from collision_sim.core.mesh_winding import turn_alike
     _check(vertices, corners, sizes, path, value)
-    vertices, numbers = merged(vertices)
-    faces, polygons, problem = cut(vertices, numbers[corners], sizes)
-    if problem in PROBLEMS:
-        raise SceneError(path, value, f'face {polygons[-1]} {PROBLEMS[problem]}')
-    flat = np.flatnonzero(_heights(vertices[faces]) <= THIN * np.abs(vertices).max())
-    if len(flat):
-        raise SceneError(path, value, f'face {polygons[flat[0]]} has no area')
-    faces, parts, closed = turn_alike(_without_repeats(faces))
-    if closed:
-        faces = turn_outward(vertices, faces, parts)
+    used = np.zeros(len(vertices), dtype=bool)
+    used[corners] = True
+    numbers = np.cumsum(used) - 1
+    vertices, same = merged(vertices[used])
+    faces = _triangles(vertices, same[numbers[corners]], sizes, path, value)
+    different, repeats = _without_repeats(faces)
+    warn(path, value, repeats, 'with the corners of another one are left out', 'triangles')
+    solid = as_solid(vertices, faces)
+    if solid is None:
+        faces, solid = different, as_solid(vertices, different)
+    closed = solid is not None
+    vertices, faces = solid if closed else (vertices, turn_alike(faces)[0])
     used, numbers = np.unique(faces, return_inverse=True)
     return Mesh(read_only(vertices[used]), read_only(numbers.reshape(-1, 3)), closed)
+
+
+def _triangles(vertices, corners, sizes, path, value):
+    """Cut polygons into triangles (T, 3) with an area; warn of what is not as it should be."""
+    from collision_sim.core.needles import triangle_heights, without_needles
+    from collision_sim.core.polygons import CROSSING, cut, FLATNESS, NOT_FLAT   # takes a while
+    enough = sizes >= 3
+    corners = corners[np.repeat(enough, sizes)]
+    numbers = np.flatnonzero(enough)
+    faces, polygons, remarks = cut(vertices, corners, sizes[enough])
+    thin = THIN * np.abs(vertices).max()
+    has_area = np.zeros(len(sizes), dtype=bool)
+    has_area[numbers[polygons[triangle_heights(vertices[faces]) > thin]]] = True
+    crossing = np.flatnonzero(remarks == CROSSING)
+    if len(crossing):
+        raise SceneError(path, value, f'face {numbers[crossing[0]]} crosses itself')
+    if not has_area.any():
+        raise SceneError(path, value, 'must have at least one face with an area')
+    bent = has_area[numbers] & (remarks & NOT_FLAT > 0)
+    warn(path, value, np.flatnonzero(~has_area), 'without area are left out')
+    warn(path, value, numbers[bent],
+         f'that are not flat to {FLATNESS:g} of their size are cut into triangles as if they were')
+    warn(path, value, numbers[bent & (remarks & CROSSING > 0)],
+         'that are not flat cross themselves in the plane that they are cut in')
+    return without_needles(vertices, faces, thin)
 
 
 def _check(vertices, corners, sizes, path, value):
     """Raise SceneError for the first vertex or face that cannot be."""
     if not len(sizes):
         raise SceneError(path, value, 'must have at least one face')
-    bad = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
-    if len(bad):
-        raise SceneError(path, value, f'vertex {bad[0]} must be 3 finite numbers, none beyond '
-                                      f'{LARGEST:g} m')
-    few = np.flatnonzero(sizes < 3)
-    if len(few):
-        raise SceneError(path, value, f'face {few[0]} must have at least 3 corners, not '
-                                      f'{sizes[few[0]]}')
     out = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
     if len(out):
         face = np.searchsorted(np.cumsum(sizes), out[0], side='right')
         raise SceneError(path, value, f'face {face}: corner {corners[out[0]]} is out of range '
                                       f'({len(vertices)} vertices, counted from 0)')
+    bad = np.zeros(len(vertices), dtype=bool)
+    bad[corners] = True
+    bad &= ~(np.abs(vertices) <= LARGEST).all(axis=1)
+    if bad.any():
+        raise SceneError(path, value, f'vertex {np.flatnonzero(bad)[0]} must be 3 finite numbers, '
+                                      f'none beyond {LARGEST:g} m')
 
 
 def merged(vertices):
@@ -191,20 +221,21 @@ def merged(vertices):
     return vertices[first[place]], rank[numbers]
 
 
-def _heights(corners):
-    """Smallest height [m] of triangles (T, 3, 3), (T,); 0 where corners fall together."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    longest = np.sqrt(np.square(edges).sum(axis=2)).max(axis=1)
-    area = np.sqrt(np.square(np.cross(edges[:, 0], edges[:, 1])).sum(axis=1))
-    return np.divide(area, longest, out=np.zeros_like(area), where=longest > 0.0)
-
-
 def _without_repeats(faces):
-    """Drop triangles with the same three corners as one before, whichever way round."""
+    """
+    Leave out triangles with the same three corners as one before, whichever way round.
+
+    Returns
+    -------
+    faces : (T', 3) int64
+    repeats : (T - T',) int64
+        Numbers of those left out.
+
+    """
     low, middle, high = np.sort(faces, axis=1).T
     order = np.lexsort((high, middle, low))
     same = ((np.diff(low[order]) == 0) & (np.diff(middle[order]) == 0)
             & (np.diff(high[order]) == 0))
     keep = np.ones(len(faces), dtype=bool)
     keep[order[1:][same]] = False
-    return faces[keep]
+    return faces[keep], np.flatnonzero(~keep)

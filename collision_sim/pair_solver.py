@@ -24,7 +24,7 @@ from collision_sim.core.pairs import collide_all, list_meetings, Matter, Meeting
 from collision_sim.core.piles import settle
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
-from collision_sim.core.threads import share
+from collision_sim.core.threads import prepare, share
 from collision_sim.tables import collider_table, pair_row
 import numpy as np
 
@@ -65,7 +65,7 @@ class PairSolver:
 
     def adopt(self, scene, rules):
         """Take the values of a scene, and the rules of its steps."""
-        radius, flight = self._matter.radius, rules.flight
+        radius, flight, self._compiled = self._matter.radius, rules.flight, set()
         mean, end = np.linalg.norm(flight.mean_shift), np.linalg.norm(flight.end_shift)
         slow = 2.0 * float(mean)
         friction = scene.pairs.friction_in(scene)
@@ -113,15 +113,19 @@ class PairSolver:
         if pairs > len(self._meetings.ends):
             self._make_room(2 * pairs)
         shared = parts.x, parts.v, candidates, self._meetings
+        settling = (make_work(self._sweeps, self._rules.slow), rules, self._rules, self._dry,
+                    self._wet, parts.table, parts.poses, parts.motion, self._matter, parts.ledger,
+                    *shared, pairs, self._pile, self._memory, parts.log, parts.accounts)
+        kind = tuple(each is None for each in settling)
+        if kind not in self._compiled:      # before the velocities change
+            prepare(settle, *settling)
+            self._compiled.add(kind)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
               ends - self._near.count[:pieces], *shared)
         collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger, *shared,
                     pairs, parts.accounts)
-        share(settle, threads, make_work(self._sweeps, self._rules.slow), rules,
-              self._rules, self._dry, self._wet, parts.table, parts.poses, parts.motion,
-              self._matter, parts.ledger, *shared, pairs, self._pile, self._memory, parts.log,
-              parts.accounts)
+        share(settle, threads, *settling)
 
     def forget(self):
         """Forget the impulses of the last step."""

@@ -18,9 +18,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 
-from collision_sim.checks import is_list_of_vectors, MISSING, Number, read_each, read_file
+from collision_sim.checks import finite_vectors, is_list_of_vectors, MISSING, Number, read_each
 from collision_sim.checks import read_leaves, read_only, read_section, read_vectors, SceneError
 from collision_sim.checks import Text, Vector
+from collision_sim.input_files import read_table
 import numpy as np
 
 
@@ -78,8 +79,8 @@ def read_particles(value, directory) -> Particles:
     try:
         position = _read_positions(section, directory, random)
         velocity = _read_velocities(section.get('velocity', (0, 0, 0)), len(position), random)
-    except MemoryError:
-        raise SceneError('particles', section, 'must fit into memory') from None
+    except MemoryError as error:
+        raise SceneError('particles', section, f'must fit into memory: {error}') from None
     sizes = {key: read_each(section[key], f'particles.{key}', leaf, len(position))
              for key, leaf in (('mass', MASS), ('radius', RADIUS)) if key in section}
     return Particles(read_only(position), read_only(velocity), **sizes)
@@ -95,11 +96,21 @@ def _read_positions(section, directory, random):
     if 'position' in section:
         return read_vectors(section['position'], 'particles.position', POSITION)
     if 'file' in section:
-        return read_file(section['file'], 'particles.file', directory)
+        return _read_file(section['file'], 'particles.file', directory)
     if 'grid' in section:
         return _read_grid(section['grid'], 'particles.grid')
     low, high = _read_box(section.get('box', MISSING), 'particles.box', POSITION)
     return random.uniform(low, high, (section['count'], 3))
+
+
+def _read_file(value, path, directory):
+    """Give the positions in a .npy or .csv file."""
+    what = 'the positions (N, 3)'
+    rows = read_table(value, path, directory, 3, float, what, titles='xyz')
+    try:
+        return finite_vectors(np.reshape(rows, (-1, 3)) if isinstance(rows, list) else rows)
+    except ValueError as error:
+        raise SceneError(path, value, f'must hold {what}; {error}') from None
 
 
 def _read_grid(value, path):

@@ -12,20 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Meshes in PLY files, text or binary: positions of the vertices, corners of the faces.
 
-What else an element has (colours, normals) is read over, and so are other elements.
+What else an element has (colours, normals) is read over, and so are other elements, but for strips
+of triangles.
 """
 
+from itertools import chain
+import re
+
+from collision_sim.input_files import as_text, refuse_underscores
 import numpy as np
 
 MOST_HEADER = 2 ** 16       # bytes
 TYPES = {
     'char': 'i1', 'uchar': 'u1', 'short': 'i2', 'ushort': 'u2', 'int': 'i4', 'uint': 'u4',
     'float': 'f4', 'double': 'f8', 'int8': 'i1', 'uint8': 'u1', 'int16': 'i2', 'uint16': 'u2',
-    'int32': 'i4', 'uint32': 'u4', 'float32': 'f4', 'float64': 'f8'}
+    'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8', 'float32': 'f4',
+    'float64': 'f8'}
+CORNERS = re.compile('vertex_?ind(ex|ices|exes)')      # names of the property
 ORDERS = {'ascii': None, 'binary_little_endian': '<', 'binary_big_endian': '>'}
 
 
@@ -40,8 +46,8 @@ def read_ply(data):
 
     Returns
     -------
-    vertices, corners, sizes
-        As mesh_files.read_polygons.
+    vertices, corners, sizes, remarks
+        As in mesh_files.py.
 
     Raises
     ------
@@ -49,19 +55,21 @@ def read_ply(data):
         For what is no such file.
 
     """
-    order, elements, start = _read_header(data)
-    read = _read_text(data[start:]) if order is None else _read_binary(data, start, order)
-    vertices = corners = sizes = None
-    for name, count, properties in elements:
-        columns = read(name, count, properties)
+    order, elements, body = _read_header(data)
+    found, rest = _read_text(body, elements) if order is None else _read_binary(
+        body, elements, order)
+    vertices, faces = None, []
+    for (name, *_), columns in zip(elements, found):
         if name == 'vertex':
             vertices = np.stack([_column(columns, axis, name) for axis in 'xyz'], axis=1)
-        elif name == 'face':
-            key = 'vertex_indices' if 'vertex_indices' in columns else 'vertex_index'
-            sizes, corners = _column(columns, key, name)
-    if vertices is None or sizes is None:
+        elif name in ('face', 'tristrips'):
+            lists = _column(columns, next(filter(CORNERS.fullmatch, columns), 'vertex_indices'),
+                            name)
+            faces.append(lists if name == 'face' else _triangles(*lists))
+    if vertices is None or not faces:
         raise ValueError('there must be vertices and faces')
-    return vertices, corners, sizes
+    sizes, corners = map(np.concatenate, zip(*faces))
+    return vertices, corners, sizes, [f'{rest} after the last element are left out'] * bool(rest)
 
 
 def _column(columns, key, name):
@@ -70,13 +78,35 @@ def _column(columns, key, name):
     return columns[key]
 
 
+def _triangles(sizes, corners):
+    """Give sizes and corners of the triangles of strips, which -1 ends too."""
+    triangles, start = [], 0
+    for size in sizes:
+        strip = []
+        for corner in map(int, corners[start:start + size]):
+            strip.append(corner)
+            if corner < 0:
+                strip = []
+            elif len(strip) > 2 and len(set(strip[-3:])) == 3:
+                turned = 1 if len(strip) % 2 else -1        # every other one the other way round
+                triangles += strip[-3:][::turned]
+        start += size
+    return [3] * (len(triangles) // 3), triangles
+
+
 def _read_header(data):
-    """Give the byte order (None: text), the elements and where the body begins."""
-    end = data.find(b'end_header', 0, MOST_HEADER)
-    if not data.startswith(b'ply') or end < 0:
+    """Give the byte order (None: text), the elements and the body."""
+    data = data.removeprefix(b'\xef\xbb\xbf')
+    if data.startswith((b'\xff\xfe', b'\xfe\xff')):
+        data = as_text(data)
+    begin = re.match(rb'ply[ \t]*(\r?\n|\r)', data)
+    # In a binary file the body begins right behind the line, so its end has to be the right one.
+    end = begin and re.compile(rb'[\r\n][ \t]*end_header[ \t]*(?:%b|$)' % (
+        rb'\r' if begin[1] == b'\r' else rb'\r?\n')).search(data, 0, MOST_HEADER)
+    if not end:
         raise ValueError('the file must begin with ply and have an end_header')
     order, elements = 'none', []
-    for line in data[:end].decode('ascii', 'replace').splitlines()[1:]:
+    for line in as_text(data[:end.start()]).decode('ascii', 'replace').split('\n')[1:]:
         match line.split():
             case [] | ['comment' | 'obj_info', *_]:
                 pass
@@ -91,48 +121,57 @@ def _read_header(data):
                 elements[-1][2].append((name, TYPES[kind], None))
             case _:
                 raise ValueError(f'the line {line[:80]!r} of the header cannot be')
-    if order == 'none' or not all(properties for _, _, properties in elements):
+    if order == 'none' or not all(properties or not count for _, count, properties in elements):
         raise ValueError('the header must have a format, and properties for each element')
-    return order, elements, data.find(b'\n', end) + 1 or len(data)
+    return order, elements, data[end.end():]
 
 
-def _read_text(body):
-    """Give a function that reads the elements of a text one after the other."""
-    lines = iter(body.splitlines())
+def _read_text(body, elements):
+    """Give the columns of each element, and what comes after; a row a line, or else in a row."""
+    refuse_underscores([body])
+    lines = [words for words in map(bytes.split, as_text(body).split(b'\n')) if words]
+    try:
+        return _text_columns(lines, elements, by_line=True)
+    except ValueError as error:
+        try:
+            return _text_columns([[*chain.from_iterable(lines)]], elements, by_line=False)
+        except ValueError:
+            raise error from None
 
-    def read(name, count, properties):
-        columns = [[] for _ in properties]
-        sizes = [[] for _ in properties]
+
+def _text_columns(lines, elements, by_line):
+    found, lines = [], iter(lines)
+    words, k = ([] if by_line else next(lines, [])), 0
+    for name, count, properties in elements:
+        columns, sizes = [[] for _ in properties], [[] for _ in properties]
         for row in range(count):
-            words, k = next(lines, b'').split(), 0
-            for j, (_, _, size) in enumerate(properties):
+            words, k = (next(lines, []), 0) if by_line else (words, k)
+            for j, (_, kind, size) in enumerate(properties):
                 many = 1
                 if size is not None:
                     many, k = int(words[k]) if k < len(words) else 0, k + 1
                     sizes[j].append(many)
                 if not 0 <= many <= len(words) - k:
                     raise ValueError(f'{name} {row}: the line ends too early')
-                columns[j] += map(float, words[k:k + many])
+                columns[j] += map(float if kind[0] == 'f' else int, words[k:k + many])
                 k += many
-        return {key: (sizes[j], columns[j]) if size is not None else np.array(columns[j])
-                for j, (key, _, size) in enumerate(properties)}
+        found.append({key: (sizes[j], columns[j]) if size is not None else np.array(columns[j])
+                      for j, (key, _, size) in enumerate(properties)})
+    rest = len(list(lines)) if by_line else len(words) - k
+    return found, f'{rest} {"lines" if by_line else "numbers"}' if rest else ''
 
-    return read
 
-
-def _read_binary(data, start, order):
-    """Give a function that reads the elements of bytes one after the other."""
-    place = start
-
-    def read(name, count, properties):
-        nonlocal place
+def _read_binary(body, elements, order):
+    """Give the columns of each element, and what comes after."""
+    found, place = [], 0
+    for name, count, properties in elements:
         try:
-            columns, place = _rows(data, place, order, count, properties)
+            columns, place = _rows(body, place, order, count, properties)
         except (ValueError, IndexError):
             raise ValueError(f'element {name}: the file ends too early') from None
-        return columns
-
-    return read
+        found.append(columns)
+    rest = len(body) - place
+    return found, f'{rest} bytes' if rest else ''
 
 
 def _rows(data, place, order, count, properties):

@@ -59,7 +59,7 @@ class Recording:
     Parameters
     ----------
     path : str
-        Of the MCAP file; it is there when the recording is closed.
+        Of the MCAP file; it is there when the `with` block has ended without error.
     simulation : Simulation
     topics : collection of str
         Of MESSAGES.
@@ -93,9 +93,11 @@ class Recording:
         if not self.messages.colliders_move:
             self._layouts.pop(COLLIDERS, None)
 
-    def close(self):
-        """Give the file its name."""
-        self._bag.close()
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._bag.__exit__(*error)
 
 
 class Replay:

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Meshes in RenderMan RIB files: the polygons of Polygon, PointsPolygons, PointsGeneralPolygons.
 
@@ -27,9 +26,11 @@ from array import array
 import math
 import re
 
+from collision_sim.input_files import as_text, refuse_underscores
 import numpy as np
 
-TOKEN = re.compile(rb'#[^\n]*|"([^"\n]*)"|([\[\]])|([A-Za-z][A-Za-z0-9_:]*)|([^\s\[\]"#]+)|(")')
+TOKEN = re.compile(rb'#[^\n]*|"((?:[^"\\]|\\.)*)"|([\[\]])|([A-Za-z][A-Za-z0-9_:]*)|'
+                   rb'([^\s\[\]"#]+)|(")', re.DOTALL)
 DEEPEST = 1000              # blocks within blocks
 REFUSED = frozenset((
     'Blobby CoordSysTransform Cone Curves Cylinder Deformation Disk Geometry '
@@ -54,8 +55,8 @@ def read_rib(data):
 
     Returns
     -------
-    vertices, corners, sizes
-        As mesh_files.read_polygons.
+    vertices, corners, sizes, remarks
+        As in mesh_files.py.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def read_rib(data):
     """
     place, saved = np.eye(4), []
     vertices, corners, sizes, count = [], [], [], 0
-    for request, number, words in _requests(data):
+    for request, number, words in _requests(as_text(data)):
         if request in REFUSED:
             raise ValueError(f'line {number}: {request} is not read, only polygons are')
         if request in BEGINS:
@@ -87,7 +88,7 @@ def read_rib(data):
             count += len(points)
     if not sizes:
         raise ValueError('there are no polygons in it')
-    return np.concatenate(vertices), np.concatenate(corners), np.concatenate(sizes)
+    return np.concatenate(vertices), np.concatenate(corners), np.concatenate(sizes), []
 
 
 def _requests(data):
@@ -123,7 +124,7 @@ def _requests(data):
 
 def _float(word, line):
     try:
-        return float(word)
+        return float(*refuse_underscores([word]))
     except ValueError:
         raise ValueError(f'line {line}: {word[:40]!r} is no number') from None
 

@@ -33,6 +33,7 @@ from collision_sim.pairs import Pairs, read_pairs
 from collision_sim.particles import Particles, read_particles, read_shard
 from collision_sim.springs import read_springs, Springs
 
+SHORTEST = 1e-100       # s; of a step, so that its square and its inverse are numbers
 SCENES = Path(__file__).parent / 'scenes'
 
 # What a scene can ask for. A new method is named here and nowhere else.
@@ -225,9 +226,22 @@ class Scene:
         found['stepping.iterations'] = STEPPING['iterations'].parameter(self.stepping.iterations)
         return found
 
+    def follows(self, path) -> bool:
+        """Whether a parameter of a collider or the pairs has the value of the whole scene."""
+        match path.split('.'):
+            case ['colliders', name, law, *_] if self._has(name):
+                return getattr(self.collider(name), law, self) is None
+            case ['pairs', law, *_] if self.pairs is not None:
+                return getattr(self.pairs, law, self) is None
+        return False
+
     def with_parameters(self, changes) -> 'Scene':
         """
         Give a copy of the scene in which several parameters have other values, or none.
+
+        A collider, or the pairs, whose restitution or friction is set to what the scene's is
+        follows the scene's from then on; another value is its own; what it has already changes
+        nothing.
 
         Parameters
         ----------
@@ -240,12 +254,25 @@ class Scene:
             As `with_parameter`.
 
         """
+        of_parts = [each for each in changes if is_of_a_part(each[0])]
+        before = self._with_all([each for each in changes if not is_of_a_part(each[0])])
+        if not of_parts:
+            return before
+        after = before._with_all(of_parts)
+        laws = {'restitution': after.restitution, 'friction': after.friction}
+        if after.pairs is not before.pairs:
+            after = replace(after, pairs=_followed(before.pairs, after.pairs, laws))
+        return replace(after, colliders=tuple(
+            _followed(*part, laws) for part in zip(before.colliders, after.colliders)))
+
+    def _with_all(self, changes) -> 'Scene':
+        """Change one parameter after the other, those that are refused again after the rest."""
         scene = self
         while changes:
             refused = []
             for path, value in changes:
                 try:
-                    scene = scene.with_parameter(path, value)
+                    scene = scene._with_one(path, value)
                 except SceneError as error:
                     refused.append((path, value, error))
             if len(refused) == len(changes):
@@ -255,7 +282,7 @@ class Scene:
 
     def with_parameter(self, path, value) -> 'Scene':
         """
-        Give a copy of the scene in which one parameter has another value.
+        Give a copy of the scene in which one parameter has another value, as `with_parameters`.
 
         Parameters
         ----------
@@ -270,6 +297,10 @@ class Scene:
             For an unknown path or a value that is not allowed.
 
         """
+        return self.with_parameters([(path, value)])
+
+    def _with_one(self, path, value) -> 'Scene':
+        """Give a copy in which one parameter has another value; that of a part is its own."""
         match path.split('.') if isinstance(path, str) else []:
             case ['gravity']:
                 return replace(self, gravity=GRAVITY.read(value, path))
@@ -306,6 +337,23 @@ class Scene:
         return replace(self, colliders=tuple(
             replace(collider, **changes) if collider.name == name else collider
             for collider in self.colliders))
+
+
+def is_of_a_part(path) -> bool:
+    """Whether a parameter is of a collider or the pairs, which may follow the scene."""
+    return isinstance(path, str) and path.startswith(('colliders.', 'pairs.'))
+
+
+def _followed(before, after, laws):
+    """Give a collider or the pairs after a change, without what is as in the scene or before."""
+    changes = {}
+    for name, default in laws.items():
+        was, value = getattr(before, name), getattr(after, name)
+        if value is not was and value == (default if was is None else was):
+            changes[name] = was
+        elif value is not was and value == default:
+            changes[name] = None
+    return replace(after, **changes) if changes else after
 
 
 def load_scene(name) -> Scene:
@@ -352,4 +400,7 @@ def _read_drag(value) -> Drag | None:
 
 def _read_stepping(value) -> Stepping:
     section = read_section(value, 'stepping', STEPPING)
-    return Stepping(**read_leaves(section, 'stepping', STEPPING))
+    stepping = Stepping(**read_leaves(section, 'stepping', STEPPING))
+    if 0.0 < stepping.dt < SHORTEST:
+        raise SceneError('stepping.dt', stepping.dt, f'must be 0 or from {SHORTEST:g} s on')
+    return stepping

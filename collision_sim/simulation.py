@@ -18,13 +18,16 @@ What happens in a scene: particles, colliders and time.
 `Simulation.step` owns the order of things; the arithmetic is in `core`.
 """
 
+from copy import deepcopy
 from dataclasses import replace
 import math
 from numbers import Integral, Real
+from time import perf_counter
 from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.lines import in_lines
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
@@ -36,6 +39,10 @@ from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
 import numpy as np
+
+MOST_STEPS = 10 ** 15   # of a call; time, a number of steps times dt, is exact to rounding as far
+MOST_THREADS = 10 ** 4
+PIECE = 0.1             # s; steps that are taken at once, if one does not take longer
 
 
 class Contacts(NamedTuple):
@@ -88,12 +95,23 @@ class Simulation:
     """
 
     def __init__(self, scene, contacts=True, threads=None, ledger=False):
+        try:
+            self._begin(scene, contacts, threads, ledger)
+        except MemoryError as error:
+            raise SceneError('particles', len(scene.particles.position),
+                             f'must fit into memory: {error}') from None
+
+    def _begin(self, scene, contacts, threads, ledger):
+        """Make room for the state, and begin with that of the scene."""
         self.record_contacts = bool(contacts)
-        self._threads = threads or numba.get_num_threads()
+        if threads is not None and not _is_whole(threads, 1, MOST_THREADS):
+            raise SceneError('threads', threads, f'must be a whole number from 1 to {MOST_THREADS}'
+                                                 ', or None')
+        self._threads = int(threads or numba.get_num_threads())
         self._colliders = Kinematics(scene)
         self._meshes = mesh_tables(scene)
-        count = len(scene.particles.position)
-        self._x, self._v = (in_lines(3 * count).reshape(3, count) for _ in range(2))
+        self._x, self._v = (_laid_in_lines(table.T) for table in (
+            scene.particles.position, scene.particles.velocity))
         self._block = self._size_of_blocks(scene)
         blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
@@ -105,7 +123,7 @@ class Simulation:
             if np.any(radius) else None
         self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
-        self.reset()
+        self._reset()
 
     @staticmethod
     def _size_of_blocks(scene):
@@ -140,6 +158,10 @@ class Simulation:
 
     def reset(self):
         """Go back to the start: particles, colliders, time and counters; parameters stay."""
+        with held():
+            self._reset()
+
+    def _reset(self):
         self._x[:] = self.scene.particles.position.T
         self._v[:] = self.scene.particles.velocity.T
         self._since, self._count = 0.0, 0
@@ -149,6 +171,28 @@ class Simulation:
             self._coupling.reset()
         if self._books:
             self._books.clear()
+
+    # ------------------------------------------------------------------ copies
+
+    def __getstate__(self):
+        """Give what a copy goes on from; threads are not taken along."""
+        return {**vars(self), '_crew': None, '_planned': None}
+
+    def __setstate__(self, state):
+        vars(self).update(state)
+        self._x, self._v = (_laid_in_lines(table) for table in (self._x, self._v))
+
+    def __copy__(self):
+        """As deepcopy: a copy goes on by itself."""
+        return deepcopy(self)
+
+    def __deepcopy__(self, memo):
+        """Copy what changes; scenes do not, so the copy has the same one."""
+        memo |= {id(each): each for each in (self.scene, self.scene.springs)}
+        memo[id(self)] = other = type(self).__new__(type(self))
+        with held():
+            other.__setstate__(deepcopy(self.__getstate__(), memo))
+        return other
 
     # ------------------------------------------------------------------ state
 
@@ -221,7 +265,10 @@ class Simulation:
         Contacts
 
         """
-        return self._every_contact(max(1, -(-int(self._accounts[:, N_LOGGED].sum()) // most)))
+        if not _is_whole(most, 1, math.inf):
+            raise SceneError('some_contacts', most, 'must be a whole number from 1 on')
+        count = int(self._accounts[:, N_LOGGED].sum())
+        return self._every_contact(max(1, -(-count // int(most))))
 
     def _every_contact(self, stride):
         """Give Contacts of every first, second, ... row of the logs of all blocks."""
@@ -283,9 +330,9 @@ class Simulation:
             Not negative.
 
         """
-        if type(n) is not int and not isinstance(n, Integral) or isinstance(n, bool) or n < 0:
-            raise SceneError('step', n, 'must be a whole number that is not negative')
-        self._go_on(n, 0.0)
+        if not _is_whole(n, 0, MOST_STEPS):
+            raise SceneError('step', n, f'must be a whole number from 0 to {MOST_STEPS}')
+        self._go_on(int(n), 0.0)
 
     def advance(self, duration):
         """
@@ -307,6 +354,10 @@ class Simulation:
         """
         if not (isinstance(duration, Real) and 0.0 <= duration < math.inf):
             raise SceneError('advance', duration, 'must be a finite number that is not negative')
+        duration = float(duration)
+        if duration > MOST_STEPS * self.dt > 0.0:
+            raise SceneError('advance', duration, f'must be at most {MOST_STEPS * self.dt:g} s, '
+                                                  f'{MOST_STEPS} steps of {self.dt:g} s')
         steps = round(duration / self.dt) if self.dt > 0.0 else 0
         rest = duration - steps * self.dt
         if self._forces is None or self.dt == 0.0 or abs(rest) <= self._blur():
@@ -323,25 +374,48 @@ class Simulation:
 
     def _go_on(self, n, rest):
         """Take n steps of dt and, if that is more than 0, one of the duration `rest` [s]."""
-        if self._books:
-            self._books.begin(self._x, self._v)
-        dt, colliders = self.scene.stepping.dt, self._colliders
+        hold()
+        try:
+            if self._books:
+                self._books.begin(self._x, self._v)
+            try:
+                self._take(n)
+                if rest > 0.0:
+                    self._take_one_of(rest)
+            finally:
+                if self._books:
+                    self._books.end(self.scene, self._x, self._v)
+        finally:
+            release()
+
+    def _take(self, n):
+        """
+        Take n steps of dt, in pieces that are not to last longer than PIECE.
+
+        Between them signals are handled. They change nothing else, as calls with fewer steps do.
+        """
+        dt, colliders, most = self.scene.stepping.dt, self._colliders, 1
         while n > 0 and dt > 0.0:
             first = self._count if self._since == 0.0 else self.time / dt
-            steps = colliders.lay_out(n, first, dt)
-            self._move_particles(steps, dt, self._rules)
-            colliders.go_on(steps)
-            self._count += steps
+            began = perf_counter() if n > 1 else 0.0
+            steps = colliders.lay_out(min(n, most), first, dt)
+            for part in [1] * steps if self._coupling else [steps]:
+                self._move_particles(part, dt, self._rules)
+                colliders.go_on(part)
+                self._count += part
             n -= steps
-        if rest > 0.0:
-            stepping = replace(self.scene.stepping, dt=rest)
-            rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
-            self._colliders.lay_out(1, self.time / rest, rest)
-            self._move_particles(1, rest, rules)
-            self._colliders.go_on(1)
-            self._since, self._count = self.time + rest, 0
-        if self._books:
-            self._books.end(self.scene, self._x, self._v)
+            if n > 0:
+                let_in()
+                most = max(int(steps * PIECE / (perf_counter() - began)), 1)
+
+    def _take_one_of(self, duration):
+        """Take a step of another duration than dt [s]."""
+        stepping = replace(self.scene.stepping, dt=duration)
+        rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
+        self._colliders.lay_out(1, self.time / duration, duration)
+        self._move_particles(1, duration, rules)
+        self._colliders.go_on(1)
+        self._since, self._count = self.time + duration, 0
 
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
@@ -355,7 +429,7 @@ class Simulation:
                   colliders.courses, self._radius, self._log, self._accounts, self._notes, self._x,
                   self._v, self._ledger)
         elif self._coupling is not None:
-            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion), steps,
+            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion),
                                 colliders.row, self._threads)
         else:
             if self._planned != colliders.laid_out:
@@ -364,8 +438,9 @@ class Simulation:
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
 
     def _lay_out_log(self):
-        """Make room for the contacts of a step, or need none."""
-        rows = self._block * min(len(self._table), MOST_CONTACTS)
+        """Make room for the contacts of a step, by events of all colliders, or need none."""
+        most = len(self._table)
+        rows = self._block * (most if self._forces is not None else min(most, MOST_CONTACTS))
         self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts else None
         self._planned = None
 
@@ -411,7 +486,9 @@ class Simulation:
             As `set_parameter`.
 
         """
-        self._adopt(self.scene.with_parameters(changes))
+        scene = self.scene.with_parameters(changes)
+        with held():
+            self._adopt(scene)
 
     def move_collider(self, name, position, orientation, twist=None):
         """
@@ -455,7 +532,8 @@ class Simulation:
             As `move_collider`; none has moved then.
 
         """
-        self._colliders.move(names, positions, orientations, twists, self.dt)
+        with held():
+            self._colliders.move(names, positions, orientations, twists, self.dt)
 
     def place_collider(self, name, position, orientation):
         """
@@ -474,7 +552,20 @@ class Simulation:
             As `move_collider`.
 
         """
-        self._colliders.place(name, position, orientation)
+        with held():
+            self._colliders.place(name, position, orientation)
+
+
+def _is_whole(value, low, high):
+    """Whether a value is a whole number, of whatever type, from one to another."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and low <= value <= high
+
+
+def _laid_in_lines(table):
+    """Copy a table of three rows so that it begins with a cache line."""
+    lines = in_lines(table.size).reshape(table.shape)
+    lines[:] = table
+    return lines
 
 
 def _coupling(scene):

@@ -14,13 +14,13 @@
 
 """The springs of a scene, and how they are read."""
 
-import csv
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 import math
 
 from collision_sim.checks import as_list, Choice, MISSING, Number, read_each, read_leaves
-from collision_sim.checks import read_only, read_section, SceneError, Text
+from collision_sim.checks import read_only, read_section, SceneError
+from collision_sim.input_files import read_table
 import numpy as np
 
 SOLVERS = ('explicit', 'implicit')
@@ -175,7 +175,7 @@ def _read_pairs(section, count, directory):
         return _grid_pairs(section['grid'], count)
     path, rows = f'springs.{ways[0]}', section[ways[0]]
     if 'file' in section:
-        rows = _read_file(rows, path, directory)
+        rows = read_table(rows, path, directory, 2, int, 'pairs of indices (S, 2)')
     pairs = _indices(rows, path)
     bad = np.flatnonzero(((pairs < 0) | (pairs >= count)).any(axis=1))
     if len(bad):
@@ -202,20 +202,6 @@ def _indices(rows, path):
             raise SceneError(f'{path}[{k}]', row, 'must be two whole numbers, the indices of two '
                                                   'particles')
     return np.array([as_list(row) for row in rows], dtype=np.int64).reshape(-1, 2)
-
-
-def _read_file(value, path, directory):
-    """Give the rows of a .npy or .csv file."""
-    name = Text(r'(?s:.+)\.(npy|csv)', 'must be the name of a .npy or .csv file').read(value, path)
-    try:
-        if name.endswith('.npy'):
-            with open(directory / name, 'rb') as file:
-                return np.lib.format.read_array(file, allow_pickle=False)
-        with open(directory / name, newline='', encoding='utf-8-sig') as file:
-            return [[int(entry) for entry in row] for row in csv.reader(file) if row]
-    except Exception as error:  # whatever a broken file makes its reader raise
-        problem = ' '.join(str(error).split()) or type(error).__name__
-        raise SceneError(path, name, f'must hold pairs of indices (S, 2); {problem}') from None
 
 
 def _grid_pairs(value, count):

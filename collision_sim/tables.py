@@ -82,7 +82,7 @@ def step_rules(scene, table, meshes):
         wet=_used(f.wet is not None for f in frictions),
         sweep=_used([stepping.detection == 'trajectory' or stepping.method == 'exact']),
         checks=_used([stepping.method not in ('single_pass', 'multi_pass')]),
-        passes=max(len(table), 1) if once else stepping.iterations, once=once,
+        passes=stepping.iterations, once=once,
         share=stepping.repulsion, highest=stepping.repulsion_speed,
         second=_used([stepping.method == 'second_order_contact']),
         planes=_used([present.planes and stepping.method == 'collision_then_contact'

@@ -17,7 +17,7 @@
 import math
 
 import numpy as np
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 SECOND = 1_000_000_000
@@ -59,19 +59,24 @@ def swing(duration=1.0, rate=30.0, amplitude=0.4, seed=0):
     return poses
 
 
-def write_bag(path, messages, topic='/paddle/pose', kind=POSE_STAMPED, storage='mcap'):
+def write_bag(path, messages, topic='/paddle/pose', kind=POSE_STAMPED, storage='mcap',
+              compression=None):
     """Write a bag folder of (time [ns], serialized message)."""
-    with Writer(path, version=9, storage_plugin=STORAGES[storage]) as writer:
+    writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
+    if compression is not None:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
         connection = writer.add_connection(topic, kind, typestore=TYPES)
         for time, message in messages:
             writer.write(connection, time, message)
     return path
 
 
-def write_swing(path, storage='mcap'):
+def write_swing(path, storage='mcap', compression=None):
     """Write a bag of the swinging paddle."""
     return write_bag(path, [(received, pose_message(stamp, position))
-                            for received, stamp, position in swing()], storage=storage)
+                            for received, stamp, position in swing()],
+                     storage=storage, compression=compression)
 
 
 def read_messages(path):

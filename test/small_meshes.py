@@ -74,9 +74,79 @@ def torus(count=20, major=1.0, minor=0.4):
     return vertices.reshape(-1, 3), faces.tolist()
 
 
+def tetrahedron(size=1.0):
+    """Give a tetrahedron in a cube of this size."""
+    vertices = 0.5 * size * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    return vertices, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
+
+
+def coil(turns, count=24, rise=0.07):
+    """Give a rod of 0.2 m square, bent to a circle of 1 m; beyond one turn it overlaps itself."""
+    around, up = np.array([-0.1, 0.1, 0.1, -0.1]), np.array([-0.1, -0.1, 0.1, 0.1])
+    way = np.linspace(0.0, 1.0, count + 1)[:, None]
+    angle = 2.0 * np.pi * turns * way
+    vertices = np.stack([(1.0 + around) * np.cos(angle), (1.0 + around) * np.sin(angle),
+                         up + rise * way], axis=2).reshape(-1, 3)
+    faces = [[3, 2, 1, 0], [4 * count + k for k in range(4)]]
+    for i, k in product(range(count), range(4)):
+        a, b = 4 * i + k, 4 * i + (k + 1) % 4
+        faces += [[b, b + 4, a + 4], [a, b, a + 4]]
+    return vertices, faces
+
+
+def placed(shape, at=(0.0, 0.0, 0.0), turn=None):
+    """Move a mesh and then turn it about the origin."""
+    vertices = shape[0] + np.asarray(at)
+    return (vertices if turn is None else vertices @ turn.T), shape[1]
+
+
+def joined(*shapes):
+    """Give one mesh of several, their corners listed one after the other."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).tolist()
+    return (np.concatenate([vertices for vertices, _ in shapes]),
+            [[k + start for k in face] for (_, faces), start in zip(shapes, starts)
+             for face in faces])
+
+
+def a_turn(seed):
+    """Give a random rotation matrix."""
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return turn * np.linalg.det(turn)
+
+
 def triangles(faces):
     """Cut convex faces into triangles, (T, 3)."""
     return np.array([[f[0], f[k], f[k + 1]] for f in faces for k in range(1, len(f) - 1)])
+
+
+def _planes(shape):
+    """Find normals (F, 3) and distances (F,) of the planes of a convex mesh."""
+    a, b, c = np.moveaxis(shape[0][triangles(shape[1])], 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals, (normals * a).sum(axis=1)
+
+
+def random_union(seed):
+    """Give 2 to 8 boxes, round and pointed parts: tilted each by itself, or on a tilted grid."""
+    random = np.random.default_rng(seed)
+    on_grid, turn, parts = seed % 2 == 0, a_turn(seed), []
+    for _ in range(random.integers(2, 9)):
+        kind = random.integers(1 if on_grid and seed % 3 else 3)
+        part = (box(random.choice([0.5, 1.0, 1.5], 3) if on_grid else random.uniform(0.3, 1.5, 3)),
+                sphere(random.integers(3), random.uniform(0.3, 0.8)),
+                tetrahedron())[kind]
+        at = random.uniform(-0.8, 0.8, 3)
+        parts.append(placed(part, np.round(4.0 * at) / 4.0, turn) if on_grid else placed(
+            placed(part, turn=a_turn(random.integers(1000))), at))
+    return parts
+
+
+def height_in_union(parts, points):
+    """Height (N,) [m] over the nearest plane of that part that a point is deepest in."""
+    heights = [((points @ normals.T) - offsets).max(axis=1)
+               for normals, offsets in (_planes(part) for part in parts)]
+    return np.min(heights, axis=0)
 
 
 def text(numbers):

@@ -166,9 +166,41 @@ def test_ctrl_c_elsewhere(scene, monkeypatch, capsys):
     assert capsys.readouterr().err == 'collision_sim: interrupted\n'
 
 
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--duration', '1e308'], '--duration: 1e+308: must be at most 1e+12 s'),
+    (['--out', 'x.csv', '--every', '1e-300'], '--every: 1e-300: must be at least a step, 0.001 s'),
+    (['--out', 'x.csv', '--every', '1e-4'], '--every: 0.0001: must be at least a step, 0.001 s')])
+def test_durations_without_bounds(words, said, scene, tmp_path, monkeypatch, capsys):
+    """What would never end, or fill the disk, is refused before there is a file."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(['run', scene, *words]) == 2
+    assert capsys.readouterr().err.startswith(f'collision_sim: {said}')
+    assert not (tmp_path / 'x.csv').exists()
+
+
+def test_too_little_memory(scene, monkeypatch, capsys):
+    """Exit code 2 and what NumPy says, no traceback."""
+    def full(self, n=1):
+        raise MemoryError('Unable to allocate 9 TiB')
+    monkeypatch.setattr(run_module.Simulation, 'step', full)
+    assert cli.main(['run', scene]) == 2
+    assert capsys.readouterr().err == (
+        'collision_sim: not enough memory: Unable to allocate 9 TiB\n')
+
+
 def test_no_steps(tmp_path, capsys):
     """A scene with dt = 0 stands still, and says so."""
     path = tmp_path / 'still.yaml'
     path.write_text(SCENE.replace('0.001', '0.0'))
     assert cli.main(['run', str(path)]) == 0
     assert 'simulated time    0 s in 0 steps' in capsys.readouterr().out
+
+
+def test_warnings_about_a_scene_take_a_line(tmp_path, capsys):
+    """What is left out of a mesh is said as an error would be, and the run goes on."""
+    (tmp_path / 'a.obj').write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 2\n')
+    (tmp_path / 'a.yaml').write_text('colliders: [{name: a, shape: mesh, file: a.obj}]')
+    assert cli.main(['run', str(tmp_path / 'a.yaml'), '--duration', '0.01']) == 0
+    assert capsys.readouterr().err == (
+        "collision_sim: warning: colliders.a.file: 'a.obj': 1 faces without area are left out; "
+        'the first is 1\n')

@@ -22,12 +22,13 @@ from collision_sim.core.courses import (AMPLITUDE, AXIS, COURSE, CUBE, LINEAR, P
                                         SQUARE)
 from collision_sim.core.extrapolation import ROWS
 from collision_sim.core.flight import Flight
+from collision_sim.core.meeting import NOBODY
 from collision_sim.core.paths import Path
 from collision_sim.core.rotation import rotation_matrix
-from collision_sim.core.rules import ACCOUNTS, Here, N_UNDECIDED, Rules
+from collision_sim.core.rules import ACCOUNTS, N_UNDECIDED, Rules
 from collision_sim.core.shapes import (BOX, CAPSULE, COLUMNS, CYLINDER, KIND, PLANE, Present, SIDE,
                                        SIZE, SPHERE)
-from collision_sim.core.sustained import FLIES, NOBODY
+from collision_sim.core.sustained import FLIES
 from collision_sim.tables import acting_forces
 from numba import njit
 import numpy as np
@@ -56,14 +57,14 @@ def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
     times, accounts = np.full(x.shape[0], inf), np.zeros((1, ACCOUNTS), dtype=np.int64)
     work = np.empty((ROWS, 6))
     for i in range(x.shape[0]):
-        here = Here(0, 0, 0, 0, 0, radius[i], None)
+        here = surfaces.Spot(0, 0, 0, 0, 0, radius[i], None, None, 0.0)
         path = Path(FLIES, NOBODY, 0.0, (x[i, 0], x[i, 1], x[i, 2]), (v[i, 0], v[i, 1], v[i, 2]),
                     True, (a[i, 0], a[i, 1], a[i, 2]), k[i], 0.0, False)
         side = table[i, 0, SIDE]
         for face in range(surfaces.faces(table[i], 0, side)):
             times[i] = min(times[i], paths.first_time(
                 rules, forces, here, table[i], poses[i], courses[i], work, accounts, path, 0, face,
-                side, radius[i], 0.0, min(1.0, times[i])))
+                side, radius[i], 0.0, 1.0, times[i]))
     return times, accounts[0, N_UNDECIDED]
 
 

@@ -75,6 +75,54 @@ def test_what_is_cached_needs_no_compiler_and_does_not_keep_others_from_it():
     assert warm[1] == 'False' and warm[3] == 'True'
 
 
+STORED = """
+import sys
+from collision_sim.core.shapes import sphere
+print(sphere((0.0, 3.0, 4.0), 1.0)[0])
+"""
+DAMAGES = {
+    'empty': lambda content: b'',
+    'cut': lambda content: content[:len(content) // 2],
+    'changed': lambda content: content[:-9] + bytes(255 - byte for byte in content[-9:]),
+    'foreign': lambda content: b'no cache of ours',
+}
+
+
+@pytest.mark.jit
+def test_a_damaged_cache_is_compiled_anew(tmp_path):
+    """Index or data, empty, cut or changed: the same answer, no word, and a whole cache again."""
+    environment = {**os.environ, 'PYTHONPATH': str(Path(collision_sim.__file__).parents[1]),
+                   'NUMBA_CACHE_DIR': str(tmp_path)}
+
+    def run():
+        done = subprocess.run([sys.executable, '-c', STORED], env=environment, text=True,
+                              capture_output=True)
+        assert (done.returncode, done.stdout, done.stderr) == (0, '4.0\n', '')
+    run()
+    for suffix in ('nbi', 'nbc'):
+        for damage in DAMAGES.values():
+            files = list(tmp_path.rglob(f'shapes.sphere-*.{suffix}'))
+            assert files
+            for file in files:
+                file.write_bytes(damage(file.read_bytes()))
+            run()
+    whole = {file: file.stat().st_mtime_ns for file in tmp_path.rglob('*.nb[ic]')}
+    run()
+    assert whole == {file: file.stat().st_mtime_ns for file in whole}
+
+
+@pytest.mark.jit
+def test_no_place_for_a_cache(tmp_path):
+    """A folder that cannot be written to, here a file: it compiles, and says nothing."""
+    (tmp_path / 'file').write_text('')
+    environment = {**os.environ, 'PYTHONPATH': str(Path(collision_sim.__file__).parents[1]),
+                   'NUMBA_CACHE_DIR': str(tmp_path / 'file'),
+                   'NUMBA_CACHE_LOCATOR_CLASSES': 'UserProvidedCacheLocator'}
+    done = subprocess.run([sys.executable, '-c', STORED], env=environment, text=True,
+                          capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, '4.0\n', '')
+
+
 @kernel
 def doubled(x):
     """Give twice a number."""

@@ -284,6 +284,22 @@ def test_meshes_side_by_side_in_the_same_arrays():
             assert np.array_equal(one, other)
 
 
+@pytest.mark.parametrize('seed', range(12))
+def test_the_distance_of_a_union_is_that_to_its_surface(seed):
+    """Inside and outside as by planes of the parts; no nearest point is on a covered face."""
+    parts = small_meshes.random_union(seed)
+    meshes = build(*small_meshes.joined(*parts))
+    points = np.random.default_rng(seed).uniform(-1.5, 1.5, (3000, 3))
+    d, n, inside = distances(meshes, 0, points)
+    height = small_meshes.height_in_union(parts, points)
+    clear = np.abs(height) > 1e-12
+    assert meshes.heads[0, mesh_cells.CLOSED] and 0.005 < inside.mean() < 0.7
+    assert np.array_equal(inside[clear], height[clear] < 0.0)
+    assert np.array_equal(d[clear] < 0.0, height[clear] < 0.0)
+    on_surface = points - d[:, None] * n
+    assert np.abs(small_meshes.height_in_union(parts, on_surface)).max() < 1e-12
+
+
 def test_cells_know_what_lies_in_them():
     meshes = build(*SHAPES['torus'])
     points = np.random.default_rng(12).uniform(-1.6, 1.6, (20_000, 3)) * [1, 1, 0.4]

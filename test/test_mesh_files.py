@@ -15,10 +15,14 @@
 
 """Meshes from files and mappings: what is read, what is mended, what is refused and how."""
 
+import os
 import pickle
 
 from collision_sim import Scene, SceneError
+from collision_sim.checks import SceneWarning
+from collision_sim.core import polygons
 from collision_sim.mesh_files import read_polygons
+from numba import config
 import numpy as np
 import pytest
 import small_meshes
@@ -144,8 +148,8 @@ def test_errors_name_key_and_element():
     refusal('face 1: corner 9 is out of range (4 vertices', vertices=TETRAHEDRON,
             faces=[[0, 1, 2], [0, 1, 9]])
     refusal('face 0: corner -1', vertices=TETRAHEDRON, faces=[[0, 1, -1]])
-    refusal('face 2 has no area', vertices=TETRAHEDRON, faces=[*SIDES[:2], [0, 1, 1]])
-    refusal('face 0 has no area', vertices=[[0, 0, 0], [1, 1, 1], [3, 3, 3]], faces=[[0, 1, 2]])
+    refusal('at least one face with an area', vertices=[[0, 0, 0], [1, 1, 1], [3, 3, 3]],
+            faces=[[0, 1, 2]])
     refusal('face 1 must have at least 3 corners', vertices=TETRAHEDRON, faces=[[0, 1, 2], [0]])
     refusal('vertices[2]', 'finite', vertices=[*TETRAHEDRON[:2], [0, np.nan, 0]],
             faces=[[0, 1, 2]])
@@ -154,11 +158,118 @@ def test_errors_name_key_and_element():
     refusal('at least one face', vertices=TETRAHEDRON, faces=[])
     refusal('crosses itself', vertices=[[0, 0, 0], [2, 2, 0], [3, 0, 0], [0, 1, 0]],
             faces=[[0, 1, 2, 3]])
-    refusal('flat', vertices=[[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]],
-            faces=[[0, 1, 2, 3]])
     refusal('must be closed', vertices=TETRAHEDRON, faces=SIDES[:3], inside=True)
     refusal('scale', 'above 0', vertices=TETRAHEDRON, faces=SIDES, scale=0)
     refusal('radius', 'unknown key', vertices=TETRAHEDRON, faces=SIDES, radius=1)
+
+
+def test_faces_without_area_are_left_out_and_counted():
+    """A collinear triangle between two others gives its corner to one: the body stays closed."""
+    with pytest.warns(SceneWarning, match='2 faces without area are left out; the first is 4'):
+        found = mesh(TETRAHEDRON, [*SIDES, [0, 1, 1], [2, 2, 2]])
+    assert found.closed and len(found.faces) == 4
+    vertices, faces = small_meshes.box()
+    middle = [[0.0, -0.5, -0.5], [0.25, -0.5, -0.5]]      # on the edge from 0 to 4
+    split = [[0, 4, 5, 1], [0, 8, 9, 4], [0, 2, 6, 4, 9, 8], *faces[:2], faces[3], faces[5]]
+    with pytest.warns(SceneWarning, match='1 faces without area are left out; the first is 1'):
+        found = mesh([*vertices, *middle], split)
+    assert found.closed and volume(found) == pytest.approx(1.0) and len(found.vertices) == 10
+
+
+@pytest.mark.parametrize('seed', range(10))
+def test_needles_along_edges_open_no_gap(seed):
+    """Edges of a solid get corners that only needles know of, as CAD programs write them."""
+    random = np.random.default_rng(seed)
+    vertices, faces = small_meshes.torus(5)
+    vertices, faces = list(vertices), small_meshes.triangles(faces).tolist()
+    for t in random.permutation(len(faces))[:20]:
+        a, b, _ = corners = faces[t]
+        cuts = np.sort(random.choice(8, 2, replace=False) + 1) / 9.0
+        new = [len(vertices), len(vertices) + 1]
+        vertices += [vertices[a] + share * (vertices[b] - vertices[a]) for share in cuts]
+        faces[t] = [a, *new, *corners[1:]]
+        needles = [[a, b, new[0]], [new[0], b, new[1]]]
+        faces += [list(np.roll(needle, random.integers(3))) for needle in needles]
+    random.shuffle(faces)
+    with pytest.warns(SceneWarning, match='40 faces without area'):
+        found = mesh(vertices, [[int(k) for k in face] for face in faces])
+    solid = mesh(*small_meshes.torus(5))
+    assert found.closed and volume(found) == pytest.approx(volume(solid), rel=1e-12)
+
+
+def test_polygons_that_are_not_flat_are_cut_and_said_so():
+    bent = [[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]]
+    with pytest.warns(SceneWarning, match='1 faces that are not flat to 0.001 .* first is 0'):
+        found = mesh(bent, [[0, 1, 2, 3]])
+    assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3]]       # the diagonal others take, too
+
+
+KEYHOLE = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0], [1, 1], [1, 3], [3, 3], [3, 1], [1, 1]]
+TOUCHING = {
+    'a hole, joined by an edge there and back': (KEYHOLE, 12.0),
+    'two parts that share a corner': ([[0, 0], [1, 1], [2, 0], [2, 2], [1, 1], [0, 2]], 2.0),
+    'a corner on another edge': ([[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]], 8.0),
+    'there and back along an edge': ([[0, 0], [4, 0], [6, 0], [4, 0], [4, 4], [0, 4]], 16.0),
+    'the same corner twice': ([[0, 0], [4, 0], [4, 0], [4, 4], [0, 4]], 16.0),
+    'a slit': ([[0, 0], [2, 0], [2, 2], [2, 0], [4, 0], [4, 4], [0, 4]], 16.0),
+}
+
+
+@pytest.mark.parametrize('name', TOUCHING)
+@pytest.mark.parametrize('back', [False, True])
+def test_polygons_that_touch_themselves_are_cut(name, back):
+    ring, exact = TOUCHING[name]
+    ring = np.array(ring[::-1] if back else ring, dtype=float)
+    turn = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+    for k in range(len(ring)):
+        corners = np.roll(np.insert(ring, 2, 1.0, axis=1) @ turn, k, axis=0)
+        assert area(mesh(corners, [list(range(len(ring)))])) == pytest.approx(exact), (name, k)
+
+
+def spirals(count, size):
+    """Give an OBJ file of polygons wound in spirals, and the area of each."""
+    along = np.linspace(0.0, 12.0 * np.pi, size // 2)
+    arms = [np.stack([r * np.cos(along), r * np.sin(along)], axis=1)
+            for r in (1.0 + along, 3.0 + along)]
+    ring = np.concatenate([arms[0], arms[1][::-1]])
+    x, y = ring.T
+    exact = 0.5 * abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+    rows = [f'v {x!r} {y!r} {k}' for k in range(count) for x, y in ring.tolist()]
+    rows += ['f ' + ' '.join(map(str, range(k * len(ring) + 1, (k + 1) * len(ring) + 1)))
+             for k in range(count)]
+    return '\n'.join(rows).encode(), exact
+
+
+@pytest.mark.skipif(not config.DISABLE_JIT, reason='counts calls of what is else compiled')
+def test_each_corner_of_a_long_polygon_is_looked_at_some_three_times(tmp_path, monkeypatch):
+    content, exact = spirals(1, 98)
+    write(tmp_path, 'a.obj', content)
+    looks, look = [], polygons._is_ear
+    monkeypatch.setattr(polygons, '_is_ear', lambda *args: looks.append(1) or look(*args))
+    assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(exact)
+    assert len(looks) < 3 * 98
+
+
+@pytest.mark.jit
+def test_long_polygons_are_cut_in_slices_between_which_signals_are_heard(tmp_path, monkeypatch):
+    """200 spirals of 998 corners, 800 kB, took minutes in one call."""
+    content, exact = spirals(200, 998)
+    write(tmp_path, 'a.obj', content)
+    calls, some = [], polygons._cut_some
+    monkeypatch.setattr(polygons, '_cut_some', lambda *args: calls.append(1) or some(*args))
+    assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(200.0 * exact)
+    assert len(calls) > 10
+
+
+@pytest.mark.skipif(not config.DISABLE_JIT, reason='compiled code keeps its budget')
+def test_a_polygon_may_take_several_slices(tmp_path, monkeypatch):
+    content, exact = spirals(3, 60)
+    write(tmp_path, 'a.obj', content)
+    calls, some = [], polygons._cut_some
+    monkeypatch.setattr(polygons, '_cut_some', lambda *args: calls.append(1) or some(*args))
+    monkeypatch.setattr(polygons, 'BUDGET', 500)
+    assert area(collider(tmp_path, file='a.obj').mesh) == pytest.approx(3.0 * exact)
+    assert len(calls) > 10
 
 
 @pytest.mark.parametrize('method', ['second_order_contact', 'exact'])
@@ -241,6 +352,34 @@ def test_garbage_is_refused(tmp_path):
         for size in (1, 100, 100_000):
             write(tmp_path, name, random.bytes(size))
             refusal('.file', directory=tmp_path, file=name)
+
+
+@pytest.mark.parametrize('name, content, said', [
+    ('a.obj', b'l 1 2\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nsurf 1\n',
+     "2 lines that are no vertices or faces are left out; the first is line 1, 'l'"),
+    ('a.obj', b'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n', '1 triangles with the corners'),
+    ('a.obj', b'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n', '1 faces without area'),
+    ('a.off', b'OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2\n', '1 lines after the last'),
+    ('a.ply', b'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n'
+     b'property float z\nelement face 1\nproperty list uchar int vertex_index\nend_header\n'
+     b'0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2\n', '1 lines after the last element'),
+    ('a.stl', small_meshes.stl_binary(*small_meshes.box()) + b'more', '4 bytes after the last'),
+])
+def test_what_is_left_out_is_said(tmp_path, name, content, said):
+    write(tmp_path, name, content)
+    with pytest.warns(SceneWarning) as caught:
+        collider(tmp_path, file=name)
+    message, = (str(each.message) for each in caught)
+    assert message.startswith(f'colliders.bunny.file: {name!r}: {said}')
+
+
+@pytest.mark.parametrize('kind', ['obj', 'off', 'ply', 'rib', 'stl'])
+def test_pipes_devices_and_folders_are_refused_at_once(tmp_path, kind):
+    os.mkfifo(tmp_path / f'pipe.{kind}')
+    (tmp_path / f'device.{kind}').symlink_to('/dev/zero')
+    (tmp_path / f'folder.{kind}').mkdir()
+    for name in ('pipe', 'device', 'folder'):
+        refusal('no such file', directory=tmp_path, file=f'{name}.{kind}')
 
 
 def test_rib_transformations_and_unknown_requests(tmp_path):

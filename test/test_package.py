@@ -127,6 +127,31 @@ def test_console_scripts_exist(setup):
         assert function in [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
 
 
+def test_pip_also_puts_the_executables_where_ros_looks(monkeypatch, tmp_path):
+    """There they call those that pip has made; colcon, which makes its own there, has none."""
+    found = {}
+    fake = SimpleNamespace(setup=found.update, find_packages=lambda include: include)
+    monkeypatch.setitem(sys.modules, 'setuptools', fake)
+    monkeypatch.chdir(ROOT)
+    for command, present in (('install', False), ('bdist_wheel', True)):
+        monkeypatch.setattr(sys, 'argv', ['setup.py', command])
+        runpy.run_path('setup.py')
+        assert ('lib/collision_sim' in dict(found['data_files'])) == present
+    files = dict(found['data_files'])['lib/collision_sim']
+    assert {Path(name).name for name in files} == console_scripts(found).keys() - {'collision_sim'}
+    for folder in ('bin', 'lib/collision_sim'):
+        (tmp_path / folder).mkdir(parents=True)
+    for name in files:
+        assert os.access(name, os.X_OK)
+        copy = shutil.copy(name, tmp_path / 'lib' / 'collision_sim')
+        script = tmp_path / 'bin' / Path(name).name
+        script.write_text('#!/bin/sh\necho "$0" "$@"\n')
+        script.chmod(0o755)
+        printed = subprocess.run([copy, '--ros-args', 'a b'], capture_output=True, text=True)
+        assert Path(printed.stdout.split()[0]).resolve() == script
+        assert printed.stdout.strip().endswith('--ros-args a b')
+
+
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
 def test_launch_files_start_what_is_installed(setup, path):
     nodes = nodes_of(path)

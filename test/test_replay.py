@@ -14,6 +14,7 @@
 
 """`collision_sim run --poses`: recorded poses move the colliders, the same way each time."""
 
+import os
 from pathlib import Path
 import random
 
@@ -27,6 +28,7 @@ import yaml
 pytest.importorskip('rosbags', reason="needs pip install 'collision_sim[record]'")
 
 from collision_sim.bags import read_bag  # noqa: E402, I100
+from rosbags.rosbag2 import CompressionMode  # noqa: E402
 from small_bags import (pose_message, POSE_STAMPED, read_messages, SECOND,  # noqa: E402
                         START, STORAGES, swing, TYPES, write_bag, write_swing)
 
@@ -88,11 +90,12 @@ def test_a_replay_equals_a_paddle_moved_by_hand(scene, final, storage, tmp_path)
 
 
 def test_one_file_of_a_bag_is_a_bag(final, tmp_path):
-    """The .mcap and the .db3 in a folder, without its metadata."""
-    bags = [write_swing(tmp_path / storage, storage) for storage in STORAGES]
+    """The .mcap and the .db3 in a folder, without its metadata, their messages packed or not."""
+    bags = [write_swing(tmp_path / f'{storage}_{mode}', storage, mode)
+            for storage in STORAGES for mode in (None, CompressionMode.MESSAGE)]
     states = [final(path)[0] for bag in bags
               for path in (bag, *(file for file in bag.iterdir() if file.suffix != '.yaml'))]
-    assert len(states) == 4
+    assert len(states) == 8
     for state in states[1:]:
         np.testing.assert_array_equal(state, states[0])
 
@@ -193,12 +196,23 @@ def broken(bag, change):
     return bag
 
 
+def piped(bag):
+    """Put a pipe in the place of the storage file of a bag."""
+    path, = [file for file in bag.iterdir() if file.suffix != '.yaml']
+    path.unlink()
+    os.mkfifo(path)
+    return bag
+
+
 BAD_BAGS = {
     'missing': lambda folder: folder / 'missing.mcap',
     'no bag': lambda folder: DEMO,
     'an empty file': lambda folder: (folder / 'empty.mcap').touch() or folder / 'empty.mcap',
     'a text': lambda folder: (folder / 'a.mcap').write_text('hello') and folder / 'a.mcap',
     'a folder without a bag': lambda folder: folder,
+    'a pipe': lambda folder: os.mkfifo(folder / 'a.mcap') or folder / 'a.mcap',
+    'a device': lambda folder: (folder / 'a.db3').symlink_to('/dev/zero') or folder / 'a.db3',
+    'a pipe in a folder': lambda folder: piped(write_swing(folder / 'bag_with_b.mcap')),
     'a truncated mcap': lambda folder: broken(write_swing(folder / 'b'), lambda b: b[:-100]),
     'a truncated db3': lambda folder: broken(write_swing(folder / 'b', 'sqlite3'),
                                              lambda b: b[:5000]),

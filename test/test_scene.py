@@ -19,6 +19,7 @@ import copy
 from dataclasses import FrozenInstanceError, replace
 import datetime
 import math
+import os
 import pickle
 import re
 
@@ -264,6 +265,13 @@ def test_particle_files(tmp_path):
     for name in ('points.npy', 'plain.csv', 'header.csv', str(tmp_path / 'plain.csv')):
         scene = Scene.from_dict({'particles': {'file': name}}, tmp_path)
         assert_array_equal(scene.particles.position, rows)
+    for head in ('x [m], y [m], z [m]', '# x y z', 'X (m),Y (m),Z (m)', '# a\n\n"x","y","z"'):
+        (tmp_path / 'head.csv').write_text(f'{head}\n0,1,2 # here\n\n# 7,8,9\n3,4,5\n,,\n')
+        scene = Scene.from_dict({'particles': {'file': 'head.csv'}}, tmp_path)
+        assert_array_equal(scene.particles.position, rows)
+    (tmp_path / 'order.csv').write_text('z [m], x, y\n2,0,1\n5,3,4\n')
+    scene = Scene.from_dict({'particles': {'file': 'order.csv'}}, tmp_path)
+    assert_array_equal(scene.particles.position, rows)
     (tmp_path / 'none.csv').write_text('x,y,z\n')
     scene = Scene.from_dict({'particles': {'file': 'none.csv'}}, tmp_path)
     assert scene.particles.position.shape == (0, 3)
@@ -295,6 +303,39 @@ def test_bad_particle_files(tmp_path, name, content):
         (tmp_path / name).write_bytes(content)
     error = refused(Scene.from_dict, {'particles': {'file': name}}, tmp_path)
     assert error.key == 'particles.file' and name in str(error)
+
+
+@pytest.mark.parametrize('content, words', [
+    (b'1,2,a\n', "line 1: 'a' is no number"),
+    (b'# 1\nx,y,z\n1,2,3\n4,5,1_0\n', "line 4: '1_0' is no number"),
+    (b'1,2,3\n4,5\n', 'line 2 must have 3 entries with commas between them, not 2'),
+    (b'1 2 3\n', 'line 1 must have 3 entries with commas between them, not 1'),
+    (b'x [mm],y [mm],z [mm]\n1,2,3\n', 'line 1: lengths must be in m, not mm'),
+    (b'a,b,c\n1,2,3\n', 'line 1 must have 3 numbers, or the titles x, y, z'),
+    (b'1,2,3\nx,y,z\n', "line 2: 'x' is no number"),
+    (b'1,,3\n', "line 1: '' is no number"),
+])
+def test_errors_in_tables_name_line_and_entry(tmp_path, content, words):
+    (tmp_path / 'a.csv').write_bytes(content)
+    error = refused(Scene.from_dict, {'particles': {'file': 'a.csv'}}, tmp_path)
+    assert words in str(error) and 'could not convert' not in str(error)
+
+
+@pytest.mark.parametrize('kind', ['csv', 'npy'])
+@pytest.mark.parametrize('section', ['particles', 'springs'])
+def test_pipes_devices_and_folders_are_refused_at_once(tmp_path, kind, section):
+    os.mkfifo(tmp_path / f'pipe.{kind}')
+    (tmp_path / f'device.{kind}').symlink_to('/dev/zero')
+    (tmp_path / f'folder.{kind}').mkdir()
+    for name in ('pipe', 'device', 'folder'):
+        scene = {'particles': {'position': [[0, 0, 0], [1, 0, 0]]},
+                 'springs': {'stiffness': 1}}
+        scene[section] = {**({} if section == 'particles' else scene[section]),
+                          'file': f'{name}.{kind}'}
+        if section == 'particles':
+            del scene['springs']
+        error = refused(Scene.from_dict, scene, tmp_path)
+        assert error.key == f'{section}.file' and 'is not an ordinary file' in str(error)
 
 
 @pytest.mark.parametrize('rows', [
@@ -573,10 +614,31 @@ def load_text(path, text):
 
 @pytest.mark.parametrize('text, number', [
     ('1e-3', 1e-3), ('1E3', 1e3), ('+1e3', 1e3), ('1.5e3', 1.5e3), ('1.e3', 1e3), ('5', 5.0),
-    ('-0.5', -0.5)])
+    ('-0.5', -0.5), ('-.5', -0.5), ('+.5', 0.5), ('.5e1', 5.0), ('-.5E-1', -0.05), ('5.', 5.0),
+    ('010', 10.0), ('-010', -10.0), ('0o10', 8.0), ('0x1F', 31.0), ('00.5', 0.5), ('08', 8.0),
+    ('010e1', 100.0)])
 def test_yaml_numbers(tmp_path, text, number):
+    """As the core schema of YAML 1.2 reads them."""
     scene = load_text(tmp_path / 'scene.yaml', f'gravity: [0, 0, {text}]')
     assert scene.gravity == (0.0, 0.0, number)
+    scene = load_text(tmp_path / 'scene.yaml', f'drag: {{wind: [0, 0, {text}]}}')
+    assert scene.drag.wind == (0.0, 0.0, number)
+
+
+@pytest.mark.parametrize('text', [
+    '1:30', '1:30.5', '1_000', '1_0.5', '0b11', '0o9', '+0x1', '.', '.e3', '1e', '+.inf', '.nan',
+    '2020-01-01', 'yes', 'off', 'true', '~'])
+def test_what_yaml_does_not_read_as_a_number_is_refused(tmp_path, text):
+    error = refused(load_text, tmp_path / 'scene.yaml', f'gravity: [0, 0, {text}]')
+    assert error.key == 'gravity' and 'quotes' not in str(error)
+
+
+@pytest.mark.parametrize('text', ['yes', 'no', 'on', 'off', 'Yes', 'OFF', 'y'])
+def test_words_that_were_flags_in_old_yaml_are_words(tmp_path, text):
+    content = f'colliders: [{{name: {text}, shape: sphere, radius: 1, inside: %s}}]'
+    assert load_text(tmp_path / 'scene.yaml', content % 'true').colliders[0].name == text
+    error = refused(load_text, tmp_path / 'scene.yaml', content % text)
+    assert error.key.endswith('inside') and error.value == text
 
 
 def test_yaml_infinite_mass(tmp_path):
@@ -594,7 +656,7 @@ def test_yaml_infinite_mass(tmp_path):
     ('a: !!bool x', 'KeyError'),
     ('a: !!float ""', 'IndexError'),
     ('a: !!map [1]', 'line 1'),
-    ('a: 2026-99-99', 'ValueError'),
+    ('a: !!timestamp 2026-99-99', 'ValueError'),
     ('a: ' + '9' * 5000, 'ValueError'),
     ('? [a]\n: b', 'line 1'),
     ('a: 1\n---\nb: 2', 'line 2'),
@@ -709,6 +771,54 @@ def test_defaults_reach_the_colliders_without_their_own():
     assert found['colliders.paddle.restitution'] == 0.9
     assert found['colliders.ground.friction.dry'] == 0.2
     assert found['colliders.drum.friction.dry.static'] == 0.4
+
+
+def own(scene):
+    """Name what of restitution and friction is not the scene's, by part."""
+    parts = {collider.name: collider for collider in scene.colliders} | {'pairs': scene.pairs}
+    return {(name, law) for name, part in parts.items() for law in ('restitution', 'friction')
+            if getattr(part, law) is not None}
+
+
+WITH_PAIRS = {'restitution': 0.5, 'friction': {'dry': {'static': 0.4, 'kinetic': 0.3}},
+              'particles': {'position': [[0, 0, 1]], 'radius': 0.1}, 'pairs': {},
+              'colliders': [
+                  {'name': 'ground', 'shape': 'plane'},
+                  {'name': 'wall', 'shape': 'plane', 'restitution': 0.5, 'friction': {'wet': 1}}]}
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_all_values_as_they_are_change_nothing(order):
+    """Loading what was dumped keeps who follows the scene, and who has a value of its own."""
+    scene = Scene.from_dict(WITH_PAIRS)
+    values = [(path, parameter.value) for path, parameter in scene.parameters().items()]
+    after = scene.with_parameters(values[::order])
+    assert own(after) == own(scene) == {('wall', 'restitution'), ('wall', 'friction')}
+    higher = after.with_parameter('restitution', 0.75)
+    assert higher.restitution_of(higher.collider('ground')) == 0.75
+    assert higher.pairs.restitution_in(higher) == 0.75
+    assert higher.restitution_of(higher.collider('wall')) == 0.5
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_all_values_of_another_scene_bring_who_follows(order):
+    """Whatever the values are now, and in which order they come."""
+    scene = Scene.from_dict(WITH_PAIRS)
+    values = [(path, parameter.value) for path, parameter in scene.parameters().items()]
+    other = scene.with_parameters([
+        ('restitution', 0.1), ('colliders.ground.restitution', 0.2), ('pairs.restitution', 0.3),
+        ('colliders.ground.friction.dry.kinetic', 0.1), ('friction.dry.static', 0.9)])
+    assert own(other) >= {('ground', 'restitution'), ('ground', 'friction'),
+                          ('pairs', 'restitution')}
+    assert own(other.with_parameters(values[::order])) == own(scene)
+
+
+def test_a_value_other_than_the_scene_s_is_one_s_own():
+    scene = Scene.from_dict(WITH_PAIRS).with_parameters([
+        ('colliders.ground.restitution', 0.5), ('restitution', 0.75), ('pairs.restitution', 0.75)])
+    assert ('ground', 'restitution') in own(scene) and ('pairs', 'restitution') not in own(scene)
+    scene = scene.with_parameter('restitution', 0.5).with_parameter('restitution', 0.25)
+    assert scene.restitution_of(scene.collider('ground')) == 0.5    # only met on the way
 
 
 @pytest.mark.parametrize('start, path, value, end', [

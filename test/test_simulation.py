@@ -15,6 +15,7 @@
 """Simulation: time, state, moves, parameters, records, and what it refuses."""
 
 from math import inf, nan, pi
+import re
 
 from collision_sim import SceneError
 import numpy as np
@@ -51,6 +52,50 @@ def test_advance_takes_whole_steps(duration, steps):
     sim = simulate([], (0.0, 0.0, 0.0), dt=0.1)
     assert sim.advance(duration) == steps
     assert sim.time == steps * 0.1
+
+
+@pytest.mark.parametrize('kind', [np.uint8, np.int8, np.int16, np.uint32, np.uint64])
+def test_steps_of_any_type(kind):
+    """Time is counted in Python's numbers, which do not wrap around."""
+    sim = drop(dt=0.1)
+    for _ in range(3):
+        sim.step(kind(100))
+    assert sim.time == 300 * 0.1 and type(sim.time) is float
+    sim.advance(np.float32(0.5))
+    assert sim.time == 305 * 0.1 and type(sim.time) is float
+
+
+@pytest.mark.parametrize(('call', 'value', 'allowed'), [
+    ('step', 10 ** 30, 'from 0 to 1000000000000000'), ('advance', 1e300, 'at most 1e+14 s'),
+    ('some_contacts', 0, 'whole number from 1 on'), ('some_contacts', 1.5, 'whole number')])
+def test_numbers_that_are_too_large_or_too_small(call, value, allowed):
+    """What would never end, or mean nothing, is refused before anything has changed."""
+    sim = drop(dt=0.1)
+    with pytest.raises(SceneError, match=f'{call}: .*{re.escape(allowed)}'):
+        getattr(sim, call)(value)
+    assert sim.time == 0.0
+
+
+@pytest.mark.parametrize('threads', [0, -1, 1.5, True, 'two', 10 ** 9])
+def test_threads_that_are_none(threads):
+    with pytest.raises(SceneError, match='threads'):
+        drop(threads=threads)
+    assert drop(threads=np.uint8(2)).dt == 1 / 240
+
+
+def test_a_step_too_short_for_numbers():
+    """Its square would be 0, and its inverse infinite."""
+    with pytest.raises(SceneError, match='stepping.dt: 5e-324: must be 0 or from 1e-100 s on'):
+        drop(dt=5e-324)
+
+
+def test_more_than_fits_into_memory(monkeypatch):
+    """Says how much would be needed, as NumPy does."""
+    def full(count):
+        raise MemoryError(f'Unable to allocate {8 * count} bytes')
+    monkeypatch.setattr('collision_sim.simulation.in_lines', full)
+    with pytest.raises(SceneError, match='particles: 1: must fit into memory: .*24 bytes'):
+        drop()
 
 
 @pytest.mark.parametrize('steps', [-1, 1.0, 1.5, nan, None, 'one', True])

@@ -58,6 +58,9 @@ def test_files(tmp_path, name):
         np.savetxt(tmp_path / name, pairs, fmt='%d', delimiter=',')
     scene = {'particles': {'position': LINE}, 'springs': {'file': name, 'stiffness': 1}}
     assert_array_equal(Scene.from_dict(scene, tmp_path).springs.pairs, pairs)
+    if name.endswith('.csv'):
+        (tmp_path / name).write_text('# springs\nfrom, to\n0,2 # long\n\n1,2\n')
+        assert_array_equal(Scene.from_dict(scene, tmp_path).springs.pairs, pairs)
     (tmp_path / name).write_bytes(b'1,x')
     with pytest.raises(SceneError, match='springs.file.*pairs of indices'):
         Scene.from_dict(scene, tmp_path)

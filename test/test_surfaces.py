@@ -18,7 +18,7 @@ from collision_sim.core import surfaces
 from collision_sim.core.courses import AXIS, COURSE, LINEAR, SPIN
 from collision_sim.core.flight import Flight
 from collision_sim.core.rotation import rotation_matrix
-from collision_sim.core.rules import Here, Rules
+from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import (BOX, CAPSULE, COLUMNS, CYLINDER, KIND, PLANE, Present, SIDE,
                                        signed_distance, SIZE, SPHERE)
 from numba import njit
@@ -29,7 +29,7 @@ import pytest
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
 RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, None), Present(1, 1, 1, 1, 1),
               1, 1, 1, 1, 10, False, 0.1, 10.0)
-HERE = Here(0, 0, 0, 0, 0, 0.0, None)
+HERE = surfaces.Spot(0, 0, 0, 0, 0, 0.0, None, None, 0.0)
 SIZES, RADIUS = (0.7, 0.5, 0.9), 0.05
 COUNTS = {PLANE: 1, SPHERE: 1, BOX: 6, CAPSULE: 1, CYLINDER: 3}
 every_shape = pytest.mark.parametrize('shape', SHAPES)

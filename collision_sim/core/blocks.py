@@ -27,7 +27,8 @@ from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch
                                     widest_vectors, WORD)
 from collision_sim.core.lines import LINE
 from collision_sim.core.nearby import choose_for_tile, clear_in_grid
-from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, PLANE, seam_width, SIDE, SIZE,
+                                       SPHERE)
 import numpy as np
 
 NONE = -1               # no collider to leave out
@@ -265,7 +266,9 @@ def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, 
             if table[c, KIND] != BOX or c == skip:
                 continue
             p, side = poses[c], table[c, SIDE]
-            h0, h1, h2 = table[c, SIZE:SIZE + 3]
+            wide = seam_width(table, c, (p[9], p[10], p[11]))
+            h0, h1 = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
+            h2 = table[c, SIZE + 2] + wide
             r0, r1, r2, r3, r4, r5, r6, r7, r8 = p[:9]
             px, py, pz = p[9], p[10], p[11]
             for i in range(x.shape[0]):
@@ -309,7 +312,8 @@ def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y,
             if table[c, KIND] != CYLINDER or c == skip:
                 continue
             pose, side = poses[c], table[c, SIDE]
-            size, half = table[c, SIZE], table[c, SIZE + 1]
+            wide = seam_width(table, c, (pose[9], pose[10], pose[11]))
+            size, half = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
             r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
             px, py, pz = pose[9], pose[10], pose[11]
             for i in range(x.shape[0]):

@@ -121,7 +121,7 @@ def _bounds(which, table, poses, motion, reach, lows, highs):
             lows[c, i], highs[c, i] = inf, -inf
             for s in range(poses.shape[0]):
                 extent, place = _extent(kind, turns, table[c], poses[s, c], i), poses[s, c, 9 + i]
-                extent = extent * (1.0 + 1e-12) + 16.0 * EPSILON * abs(place) + reach
+                extent = extent * (1.0 + 1e-12) + 256.0 * EPSILON * abs(place) + reach
                 lows[c, i] = min(lows[c, i], place - extent)
                 highs[c, i] = max(highs[c, i], place + extent)
 

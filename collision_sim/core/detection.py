@@ -21,16 +21,20 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 """
 
 from collision_sim.core.broad_phase import how_many, nth
+from collision_sim.core.faces import (crossed_face, face_below, face_towards, height_over,
+                                      is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
-from collision_sim.core.shapes import BOX, KIND, MESH, signed_distance, SIZE
-from collision_sim.core.trajectory import first_hit, NEVER, path_velocity, relative_motion
-from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
-                                        subtract)
+from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, seam_width, signed_distance,
+                                       SIZE)
+from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
+                                           relative_motion)
+from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
+                                        scaled, subtract, turned)
 
 
 @kernel
@@ -40,43 +44,95 @@ def distance(rules, here, table, poses, row, c, point):
 
 
 @inlined
-def end_distance(meshes, rules, here, table, poses, c, x0, x1):
+def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
     """
     Signed distance [m] of the particle to a collider at the end of the step, and the normal there.
 
-    A mesh is met on the way there, too: it can be thinner than a step, and an open one has no
-    inside at all.
+    Of a box or a cylinder that its centre ends inside of, they are those of the answering face
+    (faces.py). A mesh is met on the way there, too: it can be thinner than a step, and an open one
+    has no inside at all.
     """
     if meshes is not None:
         if table[c, KIND] == MESH:
             return mesh_end(meshes, here.answers, table, poses, here.start, here.end, c,
                             here.radius, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+    if has_faces(table, c):
+        if phi < seam_width(table, c, origin(poses, here.end, c)):
+            return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
     return phi - here.radius, n
+
+
+@kernel
+def _end_in_faces(rules, here, table, poses, motion, c, x0, x1):
+    """Height and normal as `end_distance`, of a particle whose centre ends inside faces."""
+    rounding = rounding_depth(here, table, poses, c, x0)
+    if _depth_in_faces(rules, here, table, poses, motion, c, x0) > rounding:
+        return nearest_face(rules, here, table, poses, motion, here.end, c, x1)
+    height, n, _ = crossed_face(rules, here, table, poses, motion, c, x0, x1)
+    return height, n
+
+
+@kernel
+def _depth_in_faces(rules, here, table, poses, motion, c, x0):
+    """Depth [m] in a box or a cylinder at the start of the step, below a face that is no seam."""
+    gap = signed_distance(rules.present, table, poses, here.start, c, x0)[0]
+    if gap < seam_width(table, c, origin(poses, here.start, c)):
+        return -nearest_face(rules, here, table, poses, motion, here.start, c, x0)[0]
+    return here.radius - gap
 
 
 @inlined
 def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
-    """First hit on the path as trajectory.first_hit; of a mesh that does not turn, on the way."""
+    """
+    First hit on the path as trajectory.first_hit; of a mesh that does not turn, on the way.
+
+    A box or a cylinder that is hit where another collider covers it is not, but for a face that
+    is crossed and open (faces.py).
+    """
     dx = subtract(x1, x0)
+    move, axis, angle = relative_motion(motion, here.step, c, dx)
+    start = subtract(x0, origin(poses, here.start, c))
     if meshes is not None:
         if table[c, KIND] == MESH:
-            move, _, angle = relative_motion(motion, here.step, c, dx)
             if angle == 0.0:
                 tau, n = hit_on_way(meshes, here.answers, table, poses, here.start, here.end, c,
                                     here.radius, x0, x1)
-                arm = subtract(x0, origin(poses, here.start, c))
-                return tau, n, add_scaled(arm, tau, move), True
-    return first_hit(rules.present, table, poses, motion, here.step, here.start, c, here.radius,
-                     x0, dx)
+                return tau, n, add_scaled(start, tau, move), True
+    tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, c,
+                                     here.radius, x0, dx)
+    if has_faces(table, c) and tau <= 1.0:
+        q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
+        m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
+        if is_covered(rules, here, table, poses, motion, c, face_towards(table, c, m), q, tau, x0,
+                      False):
+            tau, n = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
+            return tau, n, add_scaled(start, tau, move), decided
+    if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,
+                                  here.radius, x0, dx, tau):
+        tau = NEVER
+    return tau, n, arm, decided
+
+
+@kernel
+def _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1):
+    """Time and normal at which a face is crossed that answers at the end; NEVER if none does."""
+    gap, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+    if gap < seam_width(table, c, origin(poses, here.end, c)):
+        height, n, tau = crossed_face(rules, here, table, poses, motion, c, x0, x1)
+        if height < 0.0:
+            return tau, n
+    return NEVER, n
 
 
 @inlined
-def _start_depth(meshes, rules, here, table, poses, c, x0):
+def _start_depth(meshes, rules, here, table, poses, motion, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
     if meshes is not None:
         if table[c, KIND] == MESH:
             return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
+    if has_faces(table, c):
+        return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
@@ -96,20 +152,20 @@ def rounding_depth(here, table, poses, c, x0):
 
 
 @inlined
-def starts_inside(rules, here, table, poses, c, x0):
+def starts_inside(rules, here, table, poses, motion, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
-    depth = _start_depth(rules.present.meshes, rules, here, table, poses, c, x0)
+    depth = _start_depth(rules.present.meshes, rules, here, table, poses, motion, c, x0)
     return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
 
 
 @kernel
-def deepest(rules, here, table, poses, x0, x1):
+def deepest(rules, here, table, poses, motion, x0, x1):
     """
     Collider in which the particle ends deepest, of those it started outside of.
 
     Parameters
     ----------
-    rules, here, table, poses
+    rules, here, table, poses, motion
         As in `resolve`.
     x0, x1 : (3,) tuple of float [m]
         Start and end of the step.
@@ -126,8 +182,9 @@ def deepest(rules, here, table, poses, x0, x1):
     c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
-        if phi_k < phi and starts_inside(rules, here, table, poses, k, x0) == 0.0:
+        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                  x1)
+        if phi_k < phi and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
             c, phi, n = k, phi_k, n_k
     return c, phi, n
 
@@ -168,18 +225,19 @@ def mean_approach(rules, depth, n, obj, u):
     """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
     if depth > 0.0:
         target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
-        return dot(subtract(u, obj), n), target
+        v_n = dot(subtract(u, obj), n)
+        return (v_n if v_n < target - ROUNDING * (largest(u) + largest(obj)) else target), target
     return approach(u, obj, n), 0.0
 
 
 @inlined
-def contact_normal(second, rules, here, table, poses, c, x0, depth, phi, n):
+def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
     """
     Give the normal to act along with contacts of second order, where that is known.
 
-    Who starts outside and ends inside on the same side meets the surface in between, where the
-    distance is 0: the normals at both ends are interpolated. Who touches at the start, meets it
-    there.
+    A particle that starts outside and ends inside on the same side meets the surface in between,
+    where the distance is 0: the normals at both ends are interpolated, those of the face that it
+    ends behind. A particle that touches at the start meets the surface there.
 
     Returns
     -------
@@ -192,8 +250,14 @@ def contact_normal(second, rules, here, table, poses, c, x0, depth, phi, n):
     if second is not None:
         if depth == 0.0:
             gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
-            gap, cosine = gap - here.radius, dot(start, n)
-            if gap <= rounding_depth(here, table, poses, c, x0):
+            gap -= here.radius
+            touches = gap <= rounding_depth(here, table, poses, c, x0)
+            face = face_below(table, poses, here.end, c, x1, n)
+            if face != NONE and (touches or dot(start, n) > STRAIGHT):
+                height, start = height_over(table, poses, here.start, c, face, x0)
+                gap = max(height - here.radius, 0.0)
+            cosine = dot(start, n)
+            if touches:
                 return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
             if phi < 0.0 and cosine > STRAIGHT:
                 between = add_scaled(start, gap / (gap - phi), subtract(n, start))
@@ -216,13 +280,46 @@ def _acts(second, rules, here, table, poses, c, x1, phi, stays, v_n, target):
     return v_n < target
 
 
+@kernel
+def _is_left(sweep, rules, here, table, poses, motion, press, touch, x0, x1, v0):
+    """
+    Whether a collider is not met any more once a particle is pressed against another.
+
+    Without contact forces a candidate sinks a little into what it slides on. There it may meet an
+    edge of the next tile, or the end of the next rod in a row, that it does not meet in truth.
+    """
+    k = touch.collider
+    if press.collider == k:
+        return False
+    pressed = add_scaled(x1, rules.flight.dt * (press.target - press.v_n), press.normal)
+    if sweep is not None:
+        tau, n, _, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                pressed)
+        return tau > 1.0 or dot(subtract(v0, touch.obj), n) > 0.5 * touch.v_n
+    before, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+    phi, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, pressed)
+    return phi >= max(-rounding_depth(here, table, poses, k, x0), 0.5 * before)
+
+
+@inlined
+def _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n, stays):
+    """Return the Touch of a collision with v0 where the step ends, NOTHING without approach."""
+    obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+    v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
+        rules.second, here, table, poses, k, x0, v0, u, obj))
+    if v_n < 0.0:
+        return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, 0.0, True, stays)
+    return NOTHING
+
+
 @inlined
 def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle ends inside of: the deepest.
 
     `collides` says whether the collision stage is still on. A collider approached with v0 then
-    comes before those that are only approached with u, or not left fast enough.
+    comes before those that are only approached with u, or not left fast enough, unless it is left
+    as these are answered.
 
     Returns
     -------
@@ -231,30 +328,49 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
         Whether the particle ends inside any collider.
 
     """
-    touch, phi, inside, dt = NOTHING, 0.0, False, rules.flight.dt
+    hit, press, deep, phi, inside, dt = NOTHING, NOTHING, 0.0, 0.0, False, rules.flight.dt
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
+        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
-        inside = True
-        depth = starts_inside(rules, here, table, poses, k, x0)
-        n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi_k,
-                                     n)
-        if collides and depth == 0.0 and (phi_k < phi or not touch.hit):
-            obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-            v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
-                rules.second, here, table, poses, k, x0, v0, u, obj))
-            if v_n < 0.0:
-                touch = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, 0.0, True, stays)
-                phi = phi_k
-        if not touch.hit and phi_k < phi:
+        inside, collision = True, NOTHING
+        depth = starts_inside(rules, here, table, poses, motion, k, x0)
+        n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
+                                     phi_k, n)
+        if collides and depth == 0.0:
+            collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
+                                      n, stays)
+        if collision.hit:
+            if phi_k < deep:
+                hit, deep = collision, phi_k
+        elif phi_k < phi:
             obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
             v_n, target = mean_approach(rules, depth, n, obj, u)
             if _acts(rules.second, rules, here, table, poses, k, x1, phi_k, stays, v_n, target):
-                touch = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False, stays)
+                press = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False, stays)
                 phi = phi_k
-    return touch, inside
+    if hit.hit and press.collider != NONE:
+        hit = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u)
+    return (hit if hit.hit else press), inside
+
+
+@kernel
+def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
+    """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
+    hit, deep = NOTHING, 0.0
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
+        phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+        if phi < deep and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
+            n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, 0.0,
+                                         phi, n)
+            collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
+                                      stays)
+            if collision.hit and not _is_left(None, rules, here, table, poses, motion, press,
+                                              collision, x0, x1, v0):
+                hit, deep = collision, phi
+    return hit
 
 
 @inlined
@@ -286,15 +402,19 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
 
     Where the particle touches at the start, and ends inside on the same side, the normal is that
     at the end, as without sweeps: on curved surfaces the normal at the start would let a slide
-    gain energy. A collider that it started inside of counts as hit at the start if it ends inside.
+    gain energy. The face that it touches is taken to go on beyond its edges. A collider that it
+    started inside of counts as hit at the start if it ends inside.
     """
-    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)
+    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
     arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
-    n, stays, touches = contact_normal(rules.second, rules, here, table, poses, k, x0, depth, phi,
-                                       n_end)
+    n, stays, touches = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
+                                       phi, n_end)
     if stays and touches:
+        face = face_below(table, poses, here.start, k, x0, n)
+        if face != NONE:
+            phi = min(phi, height_over(table, poses, here.end, k, face, x1)[0] - here.radius)
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
         if phi < 0.0 or start_approach(1, v0, obj, n, _rounding_speed(
                 rules.second, here, table, poses, k, x0, v0, u, obj)) == 0.0:
@@ -303,10 +423,27 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
         return NEVER, n_end, arm, False, phi
     tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                     x1)
+    if tau > 1.0 and phi < 0.0 and has_faces(table, k):     # it goes down along a seam
+        tau, n = _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
-        n = n_end
+        face = face_below(table, poses, here.start, k, x0, n)
+        n = n_end if face == NONE else height_over(table, poses, here.end, k, face, x1)[1]
     return tau, n, arm, stays and phi < 0.0, phi
+
+
+@inlined
+def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n, arm, stays):
+    """Return the Touch of a collision with v0 at time tau, NOTHING without approach."""
+    obj = path_velocity(motion, here.step, k, arm, rules.flight.dt)
+    if tau == 0.0:
+        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+    v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
+        rules.second, here, table, poses, k, x0, v0, u, obj))
+    if v_n < 0.0:
+        point = add_scaled(x0, tau, subtract(x1, x0))
+        return Touch(k, n, obj, point, v_n, 0.0, True, stays)
+    return NOTHING
 
 
 @inlined
@@ -315,35 +452,57 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     Find the collider to act on next, of those that the particle hits on its path: the earliest.
 
     As `survey`, with the normal at the hit; the material velocity there where the particle hits on
-    its way, that of `survey` where it touches from the start.
+    its way, that of `survey` where it touches from the start. Of those hit at the same time, which
+    are all that it touches from the start, the one that it ends deepest in comes first.
     """
-    touch, first, inside, dt = NOTHING, NEVER, False, rules.flight.dt
+    hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
+    deep, deepest_press, inside, dt = 0.0, 0.0, False, rules.flight.dt
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        depth = starts_inside(rules, here, table, poses, k, x0)
+        depth = starts_inside(rules, here, table, poses, motion, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
         if tau > 1.0:
             continue
-        inside = True
-        point = add_scaled(x0, tau, subtract(x1, x0))
-        there = path_velocity(motion, here.step, k, arm, dt)
-        if collides and depth == 0.0 and (tau < first or not touch.hit):
-            obj = there
-            if tau == 0.0:
-                obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-            v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
-                rules.second, here, table, poses, k, x0, v0, u, obj))
-            if v_n < 0.0:
-                touch, first = Touch(k, n, obj, point, v_n, 0.0, True, stays), tau
-        if not touch.hit and tau < first:
+        inside, collision = True, NOTHING
+        if collides and depth == 0.0:
+            collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
+                                           tau, n, arm, stays)
+        if collision.hit:
+            if tau < hit_time or (tau == hit_time and phi < deep):
+                hit, hit_time, deep = collision, tau, phi
+        elif tau < press_time or (tau == press_time and phi < deepest_press):
             obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
             v_n, target = mean_approach(rules, depth, n, obj, u)
             if v_n >= target and depth == 0.0 and not stays:
-                v_n, obj = approach(u, there, n), there
+                obj = path_velocity(motion, here.step, k, arm, dt)
+                v_n = approach(u, obj, n)
             if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
-                touch, first = Touch(k, n, obj, point, v_n, target, False, stays), tau
-    return touch, inside
+                point = add_scaled(x0, tau, subtract(x1, x0))
+                press = Touch(k, n, obj, point, v_n, target, False, stays)
+                press_time, deepest_press = tau, phi
+    if hit.hit and press.collider != NONE and press_time <= hit_time:
+        hit = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u)
+    return (hit if hit.hit else press), inside
+
+
+@kernel
+def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
+    """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
+    hit, first, deep = NOTHING, NEVER, 0.0
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
+        if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
+            continue
+        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,
+                                          x1, v0, u)
+        if tau < first or (tau == first and phi < deep):
+            collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
+                                           tau, n, arm, stays)
+            if collision.hit and not _is_left(1, rules, here, table, poses, motion, press,
+                                              collision, x0, x1, v0):
+                hit, first, deep = collision, tau, phi
+    return hit
 
 
 @inlined
@@ -355,24 +514,26 @@ def detect(sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u, co
 
 
 @kernel
-def is_path_clear(sweep, rules, here, table, poses, motion, x0, x1):
+def blocker(sweep, rules, here, table, poses, motion, x0, x1):
     """
-    Whether no collider is hit on the way, with `sweep`; else the way does not matter.
+    Give the collider that is hit first on the way, or NONE; without `sweep` no way matters.
 
     The way from one point of a round surface to the next is a chord inside it: leaving from a
     surface to the same side of it is clear.
     """
+    blocking, first = NONE, NEVER
     if sweep is not None:
         dx = subtract(x1, x0)
         for m in range(how_many(here.chosen, table)):
             k = nth(here.chosen, m)
-            if starts_inside(rules, here, table, poses, k, x0) > 0.0:
+            if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
                 continue
             tau, n, arm, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k,
                                       x0, x1)
-            n_end = end_distance(rules.present.meshes, rules, here, table, poses, k, x0, x1)[1]
+            n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+                                 x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)
-            if tau <= 1.0 and not slides and approach(dx, obj, n) < 0.0:
-                return False
-    return True
+            if tau < first and not slides and approach(dx, obj, n) < 0.0:
+                blocking, first = k, tau
+    return blocking

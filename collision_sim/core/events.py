@@ -25,12 +25,13 @@ from collision_sim.core.courses import (accelerates, frame_acceleration, is_unif
                                         material_velocity, quickest)
 from collision_sim.core.extrapolation import integrate, stiffness
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.meeting import BALANCED, NOBODY, ZERO
 from collision_sim.core.paths import first_time, Path, state_at, STIFF_TOLERANCE, TOLERANCE
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, SIDE, WET
 from collision_sim.core.surfaces import face_of, FACES, faces, is_end, is_flat, region_of
-from collision_sim.core.sustained import (at_rest, BALANCED, can_rest, FLIES, held, NOBODY, pull,
-                                          pull_slack, RESTS, SLIDES, ZERO)
+from collision_sim.core.sustained import (at_rest, can_rest, FLIES, held, pull, pull_slack, RESTS,
+                                          SLIDES)
 from collision_sim.core.vectors import add_scaled, cross, dot, length, subtract
 
 STOPPED = 1e-13         # share of its velocity at which a slide has come to a stop
@@ -40,11 +41,11 @@ HALVINGS = 80           # bisections for the time of an event
 
 
 @inlined
-def _decay_rate(forces_linear, wet, coefficient, normal):
+def _decay_rate(linear, wet, coefficient, normal):
     """Rate k [1/s] at which drag and wet friction slow a straight slide."""
     k = 0.0
-    if forces_linear is not None:
-        k = forces_linear
+    if linear is not None:
+        k = linear
     if wet is not None:
         k += coefficient * normal
     return k
@@ -82,13 +83,13 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
         return curved, inf
     obj = material_velocity(courses, poses, here, c, t, x)
     w = subtract(v, obj)
-    k = _decay_rate(forces.linear, rules.wet, table[c, WET], normal[0])
+    k = _decay_rate(forces.linear, rules.wet, forces.grip * table[c, WET], normal[0])
     if k > 0.0 and accelerates(courses, here, c):
         return curved, inf
     relative = subtract(a, frame_acceleration(courses, poses, here, c, t, x, ZERO))
     path = Path(SLIDES, holds, t, x, v, True, add_scaled(a, k, v), k, 0.0,
                 False)
-    if table[c, KINETIC] == 0.0:
+    if forces.grip * table[c, KINETIC] == 0.0:
         return path, inf
     speed, brake = length(w), length(relative)
     if speed == 0.0:
@@ -167,8 +168,9 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
     _, _, rates = stiffness(rules, forces, here, table, poses, courses, path.holds, t, x, v,
                             normal)
     h, rate = min(pace, duration - t), 0.0
-    for c in range(table.shape[0]):
-        rate = max(rate, quickest(courses, here, c))
+    for k in range(3):
+        if path.holds[k] != NONE:
+            rate = max(rate, quickest(courses, here, path.holds[k] // FACES))
     if rate > 0.0:
         h = min(h, 0.5 / rate)
     halting = _stop_time(rules, here, table, poses, courses, path.holds, t, x, v, a)
@@ -306,7 +308,7 @@ def _face_end(rules, forces, here, table, poses, courses, work, accounts, path, 
         for edge in range(faces(table, c, -1.0)):
             if is_end(table, c, face, edge):
                 time = first_time(rules, forces, here, table, poses, courses, work, accounts, path,
-                                  c, edge, -1.0, 0.0, path.since, min(end, first))
+                                  c, edge, -1.0, 0.0, path.since, end, min(end, first))
                 if time < first:
                     first, collider = time, c
     return first, collider
@@ -330,17 +332,22 @@ def _whole(table, s):
 
 @inlined
 def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path, end):
-    """When a particle comes to a surface that does not hold it; `end` if not before."""
+    """
+    When a particle comes to a surface that does not hold it; `end` if not before.
+
+    Who rests goes along with the first of the surfaces that hold it; others may come closer.
+    """
+    first = end
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         if path.mode == RESTS and c == path.holds[0] // FACES:
             continue
         for face in range(faces(table, c, side)):
-            if not _holds(path.holds, c, face, side):
-                end = min(end, first_time(rules, forces, here, table, poses, courses, work,
-                                          accounts, path, c, face, side, here.radius, path.since,
-                                          end))
-    return end
+            if path.mode == RESTS or not _holds(path.holds, c, face, side):
+                first = min(first, first_time(rules, forces, here, table, poses, courses, work,
+                                              accounts, path, c, face, side, here.radius,
+                                              path.since, end, first))
+    return first
 
 
 @inlined

@@ -23,55 +23,82 @@ is left to a rule:
   taken as one inelastic collision; then friction of the bounces left out equals that of contact
   over their time, up to the momentum of the last bounce, which the inelastic collision accounts
   for.
-- Of several surfaces met at once the first in the order of colliders answers first; CHATTER
-  collisions without time between them (acute corners) end in a joint inelastic collision.
+- Surfaces that a particle approaches at once answer at once (meeting.py: Moreau's law of impact);
+  CHATTER collisions without time between them (acute corners) end in an inelastic one with all
+  surfaces that are near. Where these close on the particle it is stuck, and noted as `unplaced`.
 - A particle that starts a step inside a collider takes this step by `collision_then_contact`,
   which repels it.
 - After EVENTS events in a step a particle stops where it is; the counter `undecided` says so.
 """
 
+from math import inf
+
 from collision_sim.core.blocks import radius_at
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.events import next_event
-from collision_sim.core.exact_ledger import book_path
+from collision_sim.core.exact_ledger import book_friction, book_path
 from collision_sim.core.extrapolation import ROWS
 from collision_sim.core.flight import fly
-from collision_sim.core.impulses import respond
+from collision_sim.core.impulses import dry_factor, respond, wet_factor
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book, book_collision, book_flight, book_impulse, book_shift,
                                        kinetic, REPULSED, RESTITUTED)
+from collision_sim.core.meeting import (BALANCED, facing, gather, least_push, MET, NEED,
+                                        normal_forces, SPEED, square_up, surface_of, surfaces_of,
+                                        turn_round, ZERO)
 from collision_sim.core.paths import state_at
 from collision_sim.core.placing import freeze, note_unplaced, push_out
-from collision_sim.core.response import record, resolve
-from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_CONTACT, N_FAIL_SAFE,
-                                      N_LOGGED, N_UNDECIDED, NONE, SLIDE, STICK, Touch)
+from collision_sim.core.response import resolve
+from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_FAIL_SAFE,
+                                      N_LOGGED, N_UNDECIDED, NONE, NORMAL, POINT, ROUNDING, SLIDE,
+                                      STICK, Touch)
 from collision_sim.core.shapes import RESTITUTION, SIDE
 from collision_sim.core.stepping import EVENT_BLOCK
-from collision_sim.core.surfaces import FACES, faces, gap_to, touching_depth
-from collision_sim.core.sustained import (choose_mode, FLIES, NOBODY, normal_at, normal_forces,
-                                          onto_surfaces, opening, pull, resting_place, RESTS,
-                                          SLIDES, square_up, touched, ZERO)
+from collision_sim.core.surfaces import FACES, faces, gap_to, Spot, touching_depth
+from collision_sim.core.sustained import (choose_mode, FLIES, GLIDES, normal_at, onto_surfaces,
+                                          opening, pull, resting_place, RESTS, SLIDES, smooth)
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
-from collision_sim.core.vectors import add, add_scaled, dot, EPSILON, is_finite, length, subtract
+from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, is_finite, length, scaled,
+                                        subtract)
 import numpy as np
 
 EVENTS = 100_000        # most events of a particle in a step
 CHATTER = 800           # most collisions without time between them
 DEEP = 8.0              # times the touching depth: inside, and not by rounding
 HOP = 1e4 * EPSILON     # relative size of a hop that counts as no time between two collisions
+NEAR = 1e4              # times the touching depth: surfaces among which a particle hops
+
+
+@inlined
+def record(log, accounts, here, c, state, point, n, dv):
+    """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
+    if log is not None:
+        b, row = here.block, accounts[here.block, N_LOGGED]
+        for k in range(row - 1, -1, -1):
+            if log[b, k, 0] != here.particle:
+                break
+            if log[b, k, 1] == c:
+                for d in range(3):
+                    log[b, k, CHANGE + d] += dv[d]
+                return
+        if row < log.shape[1]:
+            log[b, row, 0], log[b, row, 1], log[b, row, 2] = here.particle, c, state
+            for d in range(3):
+                log[b, row, POINT + d], log[b, row, NORMAL + d] = point[d], n[d]
+                log[b, row, CHANGE + d] = dv[d]
+            accounts[b, N_LOGGED] = row + 1
 
 
 @kernel
-def _is_inside(rules, forces, here, table, poses, courses, duration, x, v):
-    """Whether a particle starts the step inside a collider, by more than rounding of its way."""
-    way = duration * (length(v) + duration * length(forces.gravity))
+def _is_inside(rules, here, table, poses, courses, t, x):
+    """Whether a particle is inside a collider, by more than rounding of its way."""
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         for face in range(faces(table, c, side)):
             gap, _, _ = gap_to(rules, here, table, poses, courses, c, face, side, here.radius,
-                               0.0, x)
-            if gap < -DEEP * (touching_depth(table, poses, here, c, x) + EPSILON * way):
+                               t, x)
+            if gap < -DEEP * touching_depth(table, poses, here, c, x):
                 return True
     return False
 
@@ -85,29 +112,72 @@ def _pressing(rules, forces, here, table, poses, courses, s, t, x, v):
 
 
 @kernel
-def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, duration, s, v_n,
-             t, x, v):
-    """
-    Collision with a surface, inelastic where the bounces it starts are only rounding.
+def _hop(rules, forces, here, table, poses, courses, s, duration, t, x, v):
+    """Return how a surface presses [m/s^2], and the height of a hop that is only rounding [m]."""
+    press = _pressing(rules, forces, here, table, poses, courses, s, t, x, v)
+    rounding = 2.0 * touching_depth(table, poses, here, s // FACES, x)
+    return press, rounding + EPSILON * press * duration ** 2
 
-    Bounces from a speed u last 2 u / (p (1 - eps)) at an acceleration p towards the surface, the
-    sum of a geometric series. Rounding is that of the place, or of the way in free fall in a step.
+
+@kernel
+def _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
+    """Add rows that keep a particle on surfaces off which it would only hop by rounding."""
+    rows = count
+    for k in range(count):
+        s = surface_of(met, k)
+        obj = material_velocity(courses, poses, here, s // FACES, t, x)
+        v_n = dot(subtract(v, obj), facing(met, k))
+        if v_n > 0.0 and rows < count + 3:
+            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
+                                   v)
+            if v_n * v_n <= 2.0 * press * rounding:
+                rows = turn_round(met, k, rows)
+    return rows
+
+
+@kernel
+def _demand(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
     """
+    Write the change of normal velocity that each surface a particle approaches asks for.
+
+    It is inelastic where the bounces that the collision starts are only rounding. Bounces from a
+    speed u last 2 u / (p (1 - eps)) at an acceleration p towards the surface, the sum of a
+    geometric series. Rounding is that of the place, or of the way in free fall in a step.
+
+    Returns
+    -------
+    collides : bool
+        Whether a particle does so and not only settles on a surface.
+    elastic : bool
+        Whether it bounces.
+
+    """
+    collides, elastic = False, False
+    for k in range(count):
+        v_n, s = met[k, SPEED], surface_of(met, k)
+        met[k, NEED] = -v_n
+        if v_n < 0.0:
+            c, n = s // FACES, facing(met, k)
+            obj, eps = material_velocity(courses, poses, here, c, t, x), table[c, RESTITUTION]
+            after, _ = respond(rules, table, c, v, obj, n, v_n, -v_n)
+            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
+                                   after)
+            falls = press > 0.0 and v_n * v_n <= 2.0 * press * rounding
+            if not (press > 0.0 and (falls or (2.0 * eps * v_n) ** 2
+                                     <= 2.0 * rounding * press * (1.0 - eps) ** 2)):
+                met[k, NEED] = normal_impulse(v_n, eps)
+                elastic = elastic or eps > 0.0
+            collides = collides or not falls
+    return collides, elastic
+
+
+@inlined
+def _push_one(rules, here, table, poses, courses, log, accounts, ledger, s, n, v_n, dv_n, t, x,
+              v):
+    """Push by one surface, with its friction."""
     c = s // FACES
-    n = normal_at(rules, here, table, poses, courses, s, t, x)
     obj = material_velocity(courses, poses, here, c, t, x)
-    eps = table[c, RESTITUTION]
-    dv_n = -v_n
     after, _ = respond(rules, table, c, v, obj, n, v_n, dv_n)
-    press = _pressing(rules, forces, here, table, poses, courses, s, t, x, after)
-    rounding = 2.0 * touching_depth(table, poses, here, c, x) + EPSILON * press * duration ** 2
-    falls = press > 0.0 and v_n * v_n <= 2.0 * press * rounding
-    if not (press > 0.0 and (falls or (2.0 * eps * v_n) ** 2
-                             <= 2.0 * rounding * press * (1.0 - eps) ** 2)):
-        dv_n = normal_impulse(v_n, eps)
-        after, _ = respond(rules, table, c, v, obj, n, v_n, dv_n)
-    if not falls:
-        accounts[here.block, N_COLLISION] += 1
     record(log, accounts, here, c, COLLISION, x, n, subtract(after, v))
     book_collision(ledger, rules, here, table, Touch(c, n, obj, x, v_n, 0.0, True, False), dv_n, v,
                    after)
@@ -115,34 +185,142 @@ def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, 
 
 
 @kernel
-def _approached(rules, here, table, poses, courses, t, x, v):
-    """First surface that a particle touches and approaches, and the normal velocity, or NONE."""
-    for count in range(FACES * table.shape[0]):
-        s, v_n = touched(rules, here, table, poses, courses, t, x, v, count)
-        if s == NONE or v_n < 0.0:
-            return s, v_n
-    return NONE, 0.0
+def _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, choice, parts, t,
+                  x, v):
+    """
+    Push by several surfaces at once; their friction acts along the edge of two, one by one.
+
+    That of three has no direction left to act in.
+    """
+    n0, n1 = facing(met, choice[0]), facing(met, choice[1])
+    edge = square_up(n0, n1, n1, choice)[2] if choice[2] == NONE else ZERO
+    for k in range(3):
+        if choice[k] != NONE:
+            s, n, u = surface_of(met, choice[k]), facing(met, choice[k]), v
+            c, dv_n = s // FACES, parts[k]
+            obj = material_velocity(courses, poses, here, c, t, x)
+            slip = scaled(dot(subtract(v, obj), edge), edge)
+            factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)
+                      * wet_factor(rules.wet, table, c, dv_n))
+            w = add_scaled(v, dv_n, n)
+            v = add_scaled(w, factor - 1.0, slip)
+            dv = subtract(v, u)
+            record(log, accounts, here, c, COLLISION, x, n, dv)
+            book_impulse(ledger, here, c, dot(dv, obj), dv)
+            book(ledger, here, RESTITUTED, kinetic(u, w) - dv_n * dot(n, obj))
+            book_friction(ledger, rules, here, table, c, length(slip), dv_n,
+                          kinetic(w, v) - dot(subtract(v, w), obj))
+    return v
+
+
+@inlined
+def _book_stop(ledger, here, account, c, obj, x, v, x1, v1):
+    """Book an impulse of a collider and a shift whose energy goes to one account."""
+    if ledger is not None:
+        dv = subtract(v1, v)
+        book_impulse(ledger, here, c, dot(dv, obj), dv)
+        book(ledger, here, account, kinetic(v, v1) - dot(dv, obj))
+        book_shift(ledger, here, account, subtract(x1, x))
 
 
 @kernel
-def _stop_jointly(rules, here, table, poses, courses, t, x, v):
-    """Collide inelastically with all surfaces that a particle touches and would approach."""
-    holds, n0, n1 = NOBODY, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)
-    for seat in range(4):
-        s, _ = _approached(rules, here, table, poses, courses, t, x, v)
-        if s == NONE:
-            break
+def _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count, fast, t, x,
+              v):
+    """
+    Push, without friction, so that a particle approaches no surface of the rows.
+
+    What is left of a velocity is none where it is rounding of `fast` [m/s] and of the pushes.
+    """
+    for k in range(count):
+        s, n = surface_of(met, k), facing(met, k)
         obj = material_velocity(courses, poses, here, s // FACES, t, x)
-        if seat >= 2:
-            return obj
-        n = normal_at(rules, here, table, poses, courses, s, t, x)
-        n0, n1 = (n, n) if seat == 0 else (n0, n)
-        holds = (s, NONE, NONE) if seat == 0 else (holds[0], s, NONE)
-        d0, d1, _ = square_up(n0, n1, n1, holds)
-        w = subtract(v, obj)
-        w = add_scaled(w, -dot(w, d0), d0)
-        v = add(obj, add_scaled(w, -dot(w, d1), d1))
-    return v
+        v_n = dot(subtract(v, obj), n)
+        met[k, NEED] = -v_n if abs(v_n) > ROUNDING * (length(v) + length(obj)) else 0.0
+    push, choice, parts = least_push(met, count)
+    first = surface_of(met, max(choice[0], 0)) // FACES
+    obj, after = material_velocity(courses, poses, here, first, t, x), add(v, push)
+    if length(subtract(after, obj)) <= BALANCED * (fast + length(obj) + length(parts)):
+        after = obj
+    dv = subtract(after, v)
+    for k in range(2, -1, -1):
+        if k == 0 and length(dv) > 0.0 or choice[k] != NONE:
+            row = max(choice[k], 0)
+            s, n = surface_of(met, row), facing(met, row)
+            change = dv if k == 0 else scaled(parts[k], n)
+            dv, w = subtract(dv, change), add(v, change)
+            obj = material_velocity(courses, poses, here, s // FACES, t, x)
+            record(log, accounts, here, s // FACES, COLLISION, x, n, change)
+            _book_stop(ledger, here, RESTITUTED, s // FACES, obj, x, v, x, w)
+            v = w
+    return after
+
+
+@kernel
+def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, met, count,
+             duration, t, x, v):
+    """
+    Collision with all surfaces that a particle approaches: the least push that does it.
+
+    Who does not bounce approaches none of those that it touches after that, whatever friction
+    does: where that drags it into another one, a push without friction follows, which leaves it on
+    those that have pushed.
+    """
+    fast = length(v)
+    collides, elastic = _demand(rules, forces, here, table, poses, courses, met, count, duration,
+                                t, x, v)
+    if elastic:
+        for k in range(count):
+            if met[k, SPEED] >= 0.0:
+                met[k, NEED] = -inf
+    if collides:
+        accounts[here.block, N_COLLISION] += 1
+    _, choice, parts = least_push(met, count)
+    if choice[1] != NONE:
+        v = _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, choice,
+                          parts, t, x, v)
+    elif choice[0] != NONE:
+        s, n = surface_of(met, choice[0]), facing(met, choice[0])
+        v = _push_one(rules, here, table, poses, courses, log, accounts, ledger, s, n,
+                      met[choice[0], SPEED], parts[0], t, x, v)
+    fast += length(parts)
+    if elastic or count == 1:
+        return v
+    rows = _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v)
+    for k in range(3):
+        if choice[k] != NONE:
+            rows = turn_round(met, choice[k], rows)
+    return _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, rows, fast,
+                     t, x, v)
+
+
+@inlined
+def _approaches(met, count):
+    """Whether a particle approaches any of the surfaces that it touches."""
+    for k in range(count):
+        if met[k, SPEED] < 0.0:
+            return True
+    return False
+
+
+@kernel
+def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, t, x, v):
+    """
+    End collisions without time between them: inelastic against all surfaces that are near.
+
+    Returns
+    -------
+    x, v : (3,) tuple of float [m], [m/s]
+        On the surfaces that push, and approaching none.
+
+    """
+    count = gather(rules, here, table, poses, courses, met, t, x, v, NEAR, True)
+    for k in range(count):
+        met[k, NEED] = -met[k, SPEED]
+    _, choice, _ = least_push(met, count)
+    place, _ = onto_surfaces(rules, here, table, poses, courses, surfaces_of(met, choice), t, x, v)
+    book_shift(ledger, here, RESTITUTED, subtract(place, x))
+    return place, _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count,
+                            length(v), t, place, v)
 
 
 @inlined
@@ -154,27 +332,27 @@ def _drag_change(linear, wind, h, dx, dv):
 
 
 @kernel
-def _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, t, x, v):
-    """Log the impulses of the surfaces that held a particle on its path until t."""
+def _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, v, t, x1, v1):
+    """Log the impulses of the surfaces that held a particle on its path, from v to v1 at t."""
     h = t - path.since
-    dv = add_scaled(subtract(v, path.v), -h, forces.gravity)
-    dv = _drag_change(forces.linear, forces.wind, h, subtract(x, path.x), dv)
-    holds, n = path.holds, normal_at(rules, here, table, poses, courses, path.holds[0], t, x)
+    dv = add_scaled(subtract(v1, v), -h, forces.gravity)
+    dv = _drag_change(forces.linear, forces.wind, h, subtract(x1, path.x), dv)
+    holds, n = path.holds, normal_at(rules, here, table, poses, courses, path.holds[0], t, x1)
     n1, n2 = n, n
     if holds[1] != NONE:
-        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x)
+        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x1)
     if holds[2] != NONE:
-        n2 = normal_at(rules, here, table, poses, courses, holds[2], t, x)
+        n2 = normal_at(rules, here, table, poses, courses, holds[2], t, x1)
     state = STICK if path.mode == RESTS else SLIDE
     if holds[1] != NONE:
         p = normal_forces(holds, n, n1, n2, n, n1, n2, -dot(n, dv), -dot(n1, dv), -dot(n2, dv))
-        if holds[2] != NONE:
-            record(log, accounts, here, holds[2] // FACES, state, x, n2,
-                   add_scaled(ZERO, p[2], n2))
-            dv = add_scaled(dv, -p[2], n2)
-        record(log, accounts, here, holds[1] // FACES, state, x, n1, add_scaled(ZERO, p[1], n1))
-        dv = add_scaled(dv, -p[1], n1)
-    record(log, accounts, here, holds[0] // FACES, state, x, n, dv)
+        if is_finite(p, p):
+            record(log, accounts, here, holds[1] // FACES, state, x1, n1, scaled(p[1], n1))
+            dv = add_scaled(dv, -p[1], n1)
+            if holds[2] != NONE:
+                record(log, accounts, here, holds[2] // FACES, state, x1, n2, scaled(p[2], n2))
+                dv = add_scaled(dv, -p[2], n2)
+    record(log, accounts, here, holds[0] // FACES, state, x1, n, dv)
 
 
 @kernel
@@ -193,28 +371,21 @@ def _travel(rules, forces, here, table, poses, courses, work, log, accounts, led
         Guess for the next step of the integrator.
 
     """
+    if mode == GLIDES:
+        mode, forces = SLIDES, smooth(forces)
     path, end, stopped, released, pace = next_event(
         rules, forces, here, table, poses, courses, work, accounts, mode, holds, t, duration, x,
         v, pace)
     x1, v1 = state_at(rules, forces, here, table, poses, courses, work, path, end)
     if mode == SLIDES:
         x1, v1 = onto_surfaces(rules, here, table, poses, courses, path.holds, end, x1, v1)
-    if mode != FLIES:
-        _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, end, x1, v1)
     if stopped != NONE:
         v1 = material_velocity(courses, poses, here, stopped // FACES, end, x1)
+    if mode != FLIES:
+        _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, v, end, x1,
+                   v1)
     book_path(ledger, rules, forces, here, table, poses, courses, work, path, end, x1, v1)
     return end, x1, v1, released, pace
-
-
-@kernel
-def _book_stop(ledger, here, courses, poses, account, c, t, x, v, x1, v1):
-    """Book an impulse of a collider and a shift whose energy goes to one account."""
-    if ledger is not None:
-        dv, obj = subtract(v1, v), material_velocity(courses, poses, here, c, t, x)
-        book_impulse(ledger, here, c, dot(dv, obj), dv)
-        book(ledger, here, account, kinetic(v, v1) - dot(dv, obj))
-        book_shift(ledger, here, account, subtract(x1, x))
 
 
 @inlined
@@ -226,24 +397,56 @@ def _book_candidate(ledger, rules, here, v):
 
 
 @inlined
-def _jam(here, courses, poses, accounts, notes, ledger, c, t, duration, x, v):
-    """Fail-safe of a particle that cannot leave two surfaces: it goes along with the first."""
+def _jam(here, courses, poses, log, accounts, notes, ledger, s, n, t, duration, x, v):
+    """Fail-safe of a particle that closing surfaces hold: it goes along with the first."""
+    c = s // FACES
     accounts[here.block, N_FAIL_SAFE] += 1
     note_unplaced(here, accounts, notes, c, NONE)
+    obj = material_velocity(courses, poses, here, c, t, x)
     x1, v1 = resting_place(courses, poses, here, c, x, t, duration)
-    _book_stop(ledger, here, courses, poses, REPULSED, c, t, x, v, x1, v1)
+    record(log, accounts, here, c, STICK, x1, n, subtract(v1, v))
+    _book_stop(ledger, here, REPULSED, c, obj, x, v, x1, v1)
     return x1, v1
 
 
+@kernel
+def _settle(rules, here, table, poses, motion, courses, accounts, notes, met, duration, x0,
+            x, v):
+    """Take rounding out of a place at the end of a step; who is deeper is pushed and counted."""
+    count = gather(rules, here, table, poses, courses, met, duration, x, v, 1.0, True)
+    for k in range(count):
+        s = surface_of(met, k)
+        c = s // FACES
+        gap, slope, _ = gap_to(rules, here, table, poses, courses, c, s % FACES, table[c, SIDE],
+                               here.radius, duration, x)
+        shallow = gap >= -DEEP * touching_depth(table, poses, here, c, x)
+        met[k, NEED] = -gap / slope * (1.0 + DEEP * EPSILON) if shallow else -inf
+    x = add(x, least_push(met, count)[0])
+    if _is_inside(rules, here, table, poses, courses, duration, x):
+        accounts[here.block, N_FAIL_SAFE] += 1
+        x, c, other = push_out(rules, here, table, poses, motion, x0, x)
+        if c != NONE:
+            note_unplaced(here, accounts, notes, c, other)
+    return x
+
+
 @inlined
-def go_through(rules, forces, here, table, poses, motion, courses, work, log, accounts, notes,
+def _spot(here, forces, duration, v):
+    """Return where a particle is, with its way in a step: at its highest velocity, and falling."""
+    way = duration * (length(v) + duration * length(forces.gravity))
+    return Spot(here.step, here.start, here.end, here.block, here.particle, here.radius,
+                here.chosen, here.answers, max(here.way, way))
+
+
+@inlined
+def go_through(rules, forces, here, table, poses, motion, courses, work, met, log, accounts, notes,
                ledger, duration, x, v):
     """
     Take a particle that starts outside all colliders through the events of a step.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, motion, courses, work, log, accounts, notes, ledger
+    rules, forces, here, table, poses, motion, courses, work, met, log, accounts, notes, ledger
         As in `step_events`.
     duration : float [s]
         Of the step.
@@ -256,38 +459,32 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
 
     """
     t, last, rapid, released, pace, contacts, x0 = 0.0, -1.0, 0, NONE, duration, 0, x
-    recent, other = NONE, NONE
     for _ in range(EVENTS):
+        here = _spot(here, forces, duration, v)
         if t >= duration:
-            place = push_out(rules, here, table, poses, motion, x0, x)[0]       # of rounding
+            place = _settle(rules, here, table, poses, motion, courses, accounts, notes,
+                            met, duration, x0, x, v)
             book_shift(ledger, here, REPULSED, subtract(place, x))
             return place, v
-        s, v_n = _approached(rules, here, table, poses, courses, t, x, v)
-        if s != NONE:
-            hop = (length(forces.gravity) * (t - last) - v_n) * (t - last)
-            rapid = rapid + 1 if t == last or hop <= HOP * length(x) else 0
-            if rapid == 0:
-                other = NONE
-            elif s != recent:
-                other = recent
-            recent = s
+        count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, True)
+        if _approaches(met, count):
+            hop = (length(forces.gravity) * (t - last) + length(v)) * (t - last)
+            rapid = rapid + 1 if t == last or hop <= HOP * (length(x) + here.way) else 0
             if rapid <= CHATTER:
                 v = _collide(rules, forces, here, table, poses, courses, log, accounts, ledger,
-                             duration, s, v_n, t, x, v)
+                             met, count, duration, t, x, v)
             else:
-                before, rapid = (x, v), 0
-                x, v = onto_surfaces(rules, here, table, poses, courses, (s, other, NONE), t, x, v)
-                v = _stop_jointly(rules, here, table, poses, courses, t, x, v)
-                obj = material_velocity(courses, poses, here, s // FACES, t, x)
-                if length(subtract(v, obj)) <= EPSILON * duration * length(forces.gravity):
-                    v = obj
-                _book_stop(ledger, here, courses, poses, RESTITUTED, s // FACES, t, *before, x, v)
-                if _approached(rules, here, table, poses, courses, t, x, v)[0] != NONE:
-                    return _jam(here, courses, poses, accounts, notes, ledger, s // FACES, t,
-                                duration, x, v)
+                rapid = 0
+                x, v = _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger,
+                                     met, t, x, v)
+                count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, False)
+                if _approaches(met, count):
+                    return _jam(here, courses, poses, log, accounts, notes, ledger,
+                                surface_of(met, 0), facing(met, 0), t, duration, x, v)
             last, released = t, NONE
             continue
-        mode, holds = choose_mode(rules, forces, here, table, poses, courses, released, t, x, v)
+        mode, holds = choose_mode(rules, forces, here, table, poses, courses, met, released, t, x,
+                                  v)
         if mode != FLIES and contacts == 0:
             contacts = 1
             accounts[here.block, N_CONTACT] += 1
@@ -299,17 +496,18 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, log, ac
 
 
 @inlined
-def _step_particle(rules, forces, here, table, poses, motion, courses, work, log, accounts, notes,
-                   ledger, duration, x0, v0):
+def _step_particle(rules, forces, here, table, poses, motion, courses, work, met, log, accounts,
+                   notes, ledger, duration, x0, v0):
     """Take one particle through a step; place and velocity."""
     u, w = fly(rules.flight, v0)
     if not is_finite(add_scaled(x0, duration, u), w):
         return freeze(accounts, here.block, x0)
-    if _is_inside(rules, forces, here, table, poses, courses, duration, x0, v0):
+    here = _spot(here, forces, duration, v0)
+    if _is_inside(rules, here, table, poses, courses, 0.0, x0):
         _book_candidate(ledger, rules, here, v0)
         x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger)
     else:
-        x1, v1 = go_through(rules, forces, here, table, poses, motion, courses, work, log,
+        x1, v1 = go_through(rules, forces, here, table, poses, motion, courses, work, met, log,
                             accounts, notes, ledger, duration, x0, v0)
     return (x1, v1) if is_finite(x1, v1) else freeze(accounts, here.block, x0)
 
@@ -334,7 +532,7 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         Written; None for no ledger.
 
     """
-    work = np.empty((ROWS, 6))
+    work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 6, MET))
     rows = poses.shape[0] - 1
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
@@ -344,10 +542,10 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                here = Here(step, start, end, block, i, radius_at(radius, i), None)
+                here = Spot(step, start, end, block, i, radius_at(radius, i), None, None, 0.0)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
                 x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
-                                        log, accounts, notes, ledger, duration, x0, v0)
+                                        met, log, accounts, notes, ledger, duration, x0, v0)
                 x[0, i], x[1, i], x[2, i] = x1
                 v[0, i], v[1, i], v[2, i] = v1
         block = fetch_add(counters, CLAIMED, 1)

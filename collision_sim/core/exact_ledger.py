@@ -23,15 +23,16 @@ change of energy is the loss to friction, so that the accounts add up whatever t
 from math import sqrt
 
 from collision_sim.core.courses import frame_acceleration, material_velocity
-from collision_sim.core.jit import kernel
-from collision_sim.core.ledger import (book, book_impulse, CONTACT, DRAG, DRAG_IMPULSE, DRY_LOSS,
-                                       FLIGHT, GRAVITY, GRAVITY_IMPULSE, kinetic, weight_of,
-                                       WET_LOSS)
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.ledger import (book, book_impulse, book_loss, CONTACT, DRAG, DRAG_IMPULSE,
+                                       DRY_LOSS, dry_share, FLIGHT, GRAVITY, GRAVITY_IMPULSE,
+                                       kinetic, RESTITUTED, weight_of, WET_LOSS)
+from collision_sim.core.meeting import ZERO
 from collision_sim.core.paths import state_at
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, WET
 from collision_sim.core.surfaces import FACES
-from collision_sim.core.sustained import held, normal_at, pull, RESTS, ZERO
+from collision_sim.core.sustained import held, normal_at, pull, RESTS
 from collision_sim.core.vectors import add_scaled, dot, length, subtract
 
 # Nodes and weights of the rule on (0, 1).
@@ -49,6 +50,13 @@ def _book_momentum(ledger, here, gravity, drag):
     for d in range(3):
         ledger.rows[here.block, GRAVITY_IMPULSE + d] += weight * gravity[d]
         ledger.rows[here.block, DRAG_IMPULSE + d] += weight * drag[d]
+
+
+@inlined
+def book_friction(ledger, rules, here, table, c, slip, dv_n, loss):
+    """Book the loss [J/kg] to friction of a collision that changes a slip [m/s]."""
+    if ledger is not None:
+        book_loss(ledger, here, dry_share(rules, table, c, slip, dv_n), loss, RESTITUTED)
 
 
 @kernel

@@ -26,10 +26,11 @@ Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9
 
 from collision_sim.core.courses import frame_acceleration, material_velocity
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.meeting import ZERO
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import KINETIC, WET
 from collision_sim.core.surfaces import FACES
-from collision_sim.core.sustained import held, normal_at, ZERO
+from collision_sim.core.sustained import held, normal_at
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
                                         subtract)
 

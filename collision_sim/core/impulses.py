@@ -24,7 +24,7 @@ from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, wet_fric
                                      wet_friction_exponential, wet_friction_linear)
 from collision_sim.core.rules import PARALLEL
 from collision_sim.core.shapes import KINETIC, STATIC, WET, WET_FORM
-from collision_sim.core.vectors import add_scaled, dot, length, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 
 
 @inlined
@@ -94,12 +94,35 @@ def respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, speed):
 
 
 @inlined
+def doubtful_change(w_n, most, off):
+    """
+    Change of normal velocity [m/s] that ends an approach to a velocity that is estimated.
+
+    Parameters
+    ----------
+    w_n : float [m/s]
+        Normal velocity before, negative.
+    most : float [m/s]
+        What there is reason for.
+    off : float [m/s]
+        How far off the estimate may be: the most that is left of the approach.
+
+    Returns
+    -------
+    dv_n : float [m/s]
+
+    """
+    return -w_n - min(off, max(-w_n - most, 0.0))
+
+
+@inlined
 def joint_impulses(n1, obj1, n2, obj2, v):
     """
     Find the changes of velocity along two normals that end the approach of v to both colliders.
 
     None of them pulls. Both are 0 where nothing approaches, where the normals are parallel, and
-    where two closing colliders would squeeze the particle out faster than twice their speed.
+    where two closing colliders would squeeze the particle out faster than twice the speed at which
+    they close, as seen from between them.
 
     Returns
     -------
@@ -116,8 +139,9 @@ def joint_impulses(n1, obj1, n2, obj2, v):
         a, b = max(-v1, 0.0), 0.0
     elif a <= 0.0:
         a, b = 0.0, max(-v2, 0.0)
-    after = add_scaled(add_scaled(v, a, n1), b, n2)
-    if length(after) > length(v) + 2.0 * (length(obj1) + length(obj2)):
+    middle = scaled(0.5, add(obj1, obj2))
+    before, after = subtract(v, middle), add_scaled(add_scaled(v, a, n1), b, n2)
+    if length(subtract(after, middle)) > length(before) + 2.0 * length(subtract(obj1, obj2)):
         return 0.0, 0.0
     return a, b
 

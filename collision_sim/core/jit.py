@@ -30,15 +30,20 @@ An entry keeps its kernels to itself, which takes a third off scenes with meshes
 NUMBA_DISABLE_JIT=1 turns all of them into plain Python.
 """
 
+from contextlib import suppress
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
+import pickle
 
+from collision_sim.core.interrupts import aside
 from llvmlite import binding, ir
 from numba import config, njit, typeof, types
 from numba.core import cgutils
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
@@ -114,6 +119,46 @@ def _sources():
     return digest.digest()
 
 
+class KernelFiles(IndexDataCacheFile):
+    """
+    The files of a cached function, an index and one for each signature.
+
+    Each begins with a digest of what follows: what a full disk has cut, or anything has changed,
+    counts as absent. Numba would end with whatever that makes pickle raise, or run it.
+    """
+
+    def _save_index(self, overloads):
+        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+
+    def _load_index(self):
+        found = self._read(self._index_path)
+        if found is None or found[:2] != (self._version, self._source_stamp):
+            return {}
+        return found[2]
+
+    def _save_data(self, name, data):
+        self._write(self._data_path(name), data)
+
+    def _load_data(self, name):
+        return self._read(self._data_path(name))
+
+    def _write(self, path, value):
+        """Write a value to a file, which is there whole or not at all."""
+        content = self._dump(value)
+        with self._open_for_write(path) as file:
+            file.write(sha256(content).digest())
+            file.write(content)
+
+    def _read(self, path):
+        """Return the value of a file, None where there is none that is whole."""
+        try:
+            stored = Path(path).read_bytes()
+        except OSError:
+            return None
+        digest, content = stored[:DIGEST], stored[DIGEST:]
+        return pickle.loads(content) if sha256(content).digest() == digest else None
+
+
 class KernelCache(FunctionCache):
     """
     Numba's cache of compiled functions, as the core needs it.
@@ -121,22 +166,38 @@ class KernelCache(FunctionCache):
     Numba takes a function from its cache as long as the file it is in stays the same. What it
     calls may be in another file, of a newer version by now: here all files have to be the same.
     And it begins with all it needs to compile, a third of a second, before it looks whether
-    anything has to be: here that waits until something has.
+    anything has to be: here that waits until something has. Where a function cannot be read or
+    kept, it is compiled, and nothing is said.
     """
 
     def __init__(self, function):
         super().__init__(function)
-        self._cache_file._source_stamp = SOURCES
+        base = self._impl.filename_base
+        self._cache_file = KernelFiles(self._cache_path, base, SOURCES)
 
     def load_overload(self, sig, target_context):
         """Give what is stored for a signature, or None: then it will be compiled."""
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
+        try:
             stored = self._load_overload(sig, target_context)
-            if stored is not None:
-                return stored
-        target_context.refresh()
-        return None
+        except Exception:       # whatever Numba makes of what another machine has written
+            stored = None
+        if stored is None:
+            target_context.refresh()
+        return stored
+
+    def save_overload(self, sig, data):
+        """Keep what was compiled for a signature, where there is a place for it."""
+        with suppress(OSError):
+            self._save_overload(sig, data)
+
+
+def _cache_of(function):
+    """Give the cache of a function; none where no folder for it can be written to."""
+    try:
+        return KernelCache(function)
+    except (OSError, RuntimeError):
+        return NullCache()
 
 
 def _compiled(options):
@@ -144,11 +205,25 @@ def _compiled(options):
     def decorate(function):
         dispatcher = njit(**options)(function)
         if not config.DISABLE_JIT:
-            dispatcher._cache = KernelCache(function)
+            dispatcher._cache = _cache_of(function)
+            dispatcher.compile = partial(_compile, dispatcher.compile)
         return dispatcher
     return decorate
 
 
+def _compile(compile_here, signature):
+    """
+    Compile a function for a signature, beside the main thread.
+
+    What is compiled on the way to a function of someone else's stays in its thread, which has the
+    lock of the compiler.
+    """
+    if global_compiler_lock.is_locked():
+        return compile_here(signature)
+    return aside(compile_here, signature)
+
+
+DIGEST = sha256().digest_size
 WORD = 64               # bits
 SOURCES = _sources()
 law = _compiled(LAW)

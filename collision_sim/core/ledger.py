@@ -29,6 +29,7 @@ material point, and the energy of an impulse is taken together with the work of 
 shift that it causes: together they are exact on planes, for friction too.
 """
 
+from math import nan
 from typing import NamedTuple, Optional
 
 from collision_sim.core.impulses import dry_factor, shares, wet_factor
@@ -170,11 +171,12 @@ def dry_share(rules, table, c, speed, dv_n):
     """Share of dry friction in the loss of a slip [m/s] to both kinds; NaN without loss."""
     dry = dry_factor(rules.dry, table, c, speed, dv_n)
     wet = wet_factor(rules.wet, table, c, dv_n)
-    return (1.0 - dry * dry) / (1.0 - dry * dry * wet * wet)
+    lost = 1.0 - dry * dry * wet * wet
+    return (1.0 - dry * dry) / lost if lost != 0.0 else nan
 
 
 @inlined
-def _book_loss(ledger, here, share, loss, otherwise):
+def book_loss(ledger, here, share, loss, otherwise):
     """Book a loss to dry and wet friction by their shares, or to an account without friction."""
     if share >= 0.0 or share < 0.0:
         book(ledger, here, DRY_LOSS, share * loss)
@@ -193,8 +195,8 @@ def book_collision(ledger, rules, here, table, touch, dv_n, before, after):
         slip = length(add_scaled(subtract(before, obj), -v_n, n))
         book_impulse(ledger, here, c, dot(dv, obj), dv)
         book(ledger, here, RESTITUTED, lost)
-        _book_loss(ledger, here, dry_share(rules, table, c, slip, dv_n),
-                   kinetic(before, after) - dot(dv, obj) - lost, RESTITUTED)
+        book_loss(ledger, here, dry_share(rules, table, c, slip, dv_n),
+                  kinetic(before, after) - dot(dv, obj) - lost, RESTITUTED)
 
 
 @inlined
@@ -242,8 +244,8 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         slip = add_scaled(relative, -dot(relative, n), n)
         book(ledger, here, RESTITUTED, lost)
         book(ledger, here, CONTACT, along - lost)
-        _book_loss(ledger, here, dry_share(rules, table, c, length(slip), abs(dot(dw, n))),
-                   rest - along, CONTACT)
+        book_loss(ledger, here, dry_share(rules, table, c, length(slip), abs(dot(dw, n))),
+                  rest - along, CONTACT)
 
 
 @inlined
@@ -287,8 +289,8 @@ def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w
         book(ledger, here, CONTACT, along)
         slip = subtract(mean, obj1)
         slip = add_scaled(slip, -dot(slip, n1), n1)
-        _book_loss(ledger, here, dry_share(rules, table, one.collider, length(slip), abs(a)),
-                   kinetic(w, w1) - pull - work1 - work2 - along, CONTACT)
+        book_loss(ledger, here, dry_share(rules, table, one.collider, length(slip), abs(a)),
+                  kinetic(w, w1) - pull - work1 - work2 - along, CONTACT)
 
 
 @inlined

@@ -43,7 +43,7 @@ def mesh_arrays(vertices, faces, closed):
         Triangles that have an area; of a closed mesh with their corners turning left as seen from
         outside.
     closed : bool
-        Whether each edge has two triangles.
+        Whether the triangles pass each edge as often one way as the other.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def mesh_arrays(vertices, faces, closed):
     order, nodes = tree(corners.min(axis=1).T.copy(), corners.max(axis=1).T.copy())
     faces, corners = faces[order], corners[order]
     normals, areas = face_normals(corners)
-    edges, whole = matched_edges(faces)
+    edges, whole = matched_edges(faces, closed)
     patches = flat_patches(edges, whole, normals)
     normals = patch_normals(patches, normals, areas)
     triangles = np.empty((len(faces), TRIANGLE))
@@ -98,9 +98,12 @@ def face_normals(corners):
     return cross / size[:, None], 0.5 * size
 
 
-def matched_edges(faces):
+def matched_edges(faces, closed):
     """
-    Edges of faces (T, 3): the number of each, and whether two faces share it, once in each sense.
+    Edges of faces (T, 3): the number of each, and whether it has a normal.
+
+    It has one if two faces share it, once in each sense. So has each edge of a closed mesh, those
+    with more faces included, where parts touch: the sign of the normal holds for any solid.
 
     Returns
     -------
@@ -109,6 +112,8 @@ def matched_edges(faces):
 
     """
     edges, ahead = edge_numbers(faces), faces < np.roll(faces, -1, axis=1)
+    if closed:
+        return edges, np.ones(faces.shape, dtype=bool)
     count = np.bincount(edges.ravel())
     balance = np.bincount(edges.ravel(), weights=np.where(ahead, 1, -1).ravel())
     return edges, ((count == 2) & (balance == 0))[edges]
@@ -168,7 +173,7 @@ def patch_normals(patches, normals, areas):
 
 
 def edge_normals(edges, whole, normals):
-    """Add the normals of the two faces at each edge, (T, 3, 3); 0 where that is not two."""
+    """Add the normals of the faces at each edge, (T, 3, 3); 0 where it has none."""
     sums = _sums(edges, edges.max() + 1, np.repeat(normals[:, None], 3, axis=1))
     return np.where(whole[..., None], sums[edges], 0.0)
 

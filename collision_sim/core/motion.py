@@ -29,9 +29,10 @@ import numpy as np
 
 POSE, TWIST, SCRIPT = 12, 6, 10         # row lengths of the tables
 # Columns of the motion table (S, C, MOTION), which is None where no collider moves:
-# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, 1
-# where these are estimated from the poses, and the turn of the step, axis times angle [rad].
-SHIFT, START, END, ESTIMATED, TURN, MOTION = 9, 12, 18, 24, 25, 28
+# R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, the
+# change of the twist since the step before where these are estimated from the poses (else 0), and
+# the turn of the step, axis times angle [rad].
+SHIFT, START, END, DOUBT, TURN, MOTION = 9, 12, 18, 24, 30, 33
 
 
 @kernel
@@ -164,7 +165,8 @@ def _fill_parts(poses, motion, finer, changes):
                 changes[k, c, END + i] = first + change * (k + 1) / parts
             for i in range(3):
                 changes[k, c, TURN + i] = turn[i] / parts
-            changes[k, c, ESTIMATED] = whole[ESTIMATED]
+            for i in range(TWIST):
+                changes[k, c, DOUBT + i] = whole[DOUBT + i]
 
 
 def subdivide(poses, motion, parts):
@@ -233,13 +235,15 @@ def end_twists(chords, before):
     Returns
     -------
     start, end : (S, 6) float64
+    changes : (S, 6) float64
+        Of the chord since the step before, at first from rest: the estimates are off by less.
 
     """
     changes = np.diff(np.concatenate([before, chords]), axis=0)
     new, old = changes[1:], changes[:-1]
     smaller = np.where(np.abs(new) < np.abs(old), new, old)
     half = np.where(new * old > 0.0, 0.5 * smaller, 0.0)
-    return chords - half, chords + half
+    return chords - half, chords + half, np.where(np.isnan(new), chords, new)
 
 
 @kernel
@@ -281,14 +285,14 @@ def chord_velocity(motion, poses, step, start, c, point, dt):
 @kernel
 def point_velocity(motion, poses, step, which, row, c, point):
     """
-    Velocity of the material point of a collider at one end of a step.
+    Velocity of the material point of a collider at one end of a step, or its change.
 
     Parameters
     ----------
     motion, poses, step, c, point
         As in `chord_velocity`.
     which : int
-        START or END.
+        START or END, or DOUBT: by how much the velocity at the ends may be off.
     row : int
         Row of poses at that end.
 

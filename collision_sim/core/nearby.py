@@ -13,24 +13,40 @@
 # limitations under the License.
 
 """
-Which colliders of the grid a particle may be near, or all particles of a tile.
+Which colliders a particle may touch in a step, and which of the grid all particles of a tile may.
 
-Where a tile is near a few of them, its particles are tested against those together (blocks.py);
-else each particle is tested here, against those of its own cell.
+Where a tile is near a few colliders of the grid, its particles are tested against those together
+(blocks.py); else each particle is tested here, against those of its own cell.
 """
 
 from math import inf
+from typing import NamedTuple, Optional
 
-from collision_sim.core.broad_phase import cell_along, MOST_CELLS, radius_at
+from collision_sim.core.broad_phase import cell_along, Grid, MOST_CELLS, radius_at
 from collision_sim.core.jit import (inlined, kernel, not_clear, number_of, ordered, select,
                                     widest_vectors, WORD)
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, SIDE, signed_distance, SIZE,
-                                       SPHERE)
-from collision_sim.core.vectors import dot, origin, subtract
+from collision_sim.core.rules import Here
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, seam_width, SIDE,
+                                       signed_distance, SIZE, SPHERE)
+from collision_sim.core.vectors import dot, length, origin, subtract
+import numpy as np
 
 FEW = 8             # colliders in the grid that a tile is tested against as a whole
 FEW_CELLS = 32      # that are looked through for them
 NONE = -1           # they were not counted
+
+
+class Around(NamedTuple):
+    """
+    What the colliders around one particle are chosen from.
+
+    grid: over all colliders, or None; move [m]: the most that the surface of a collider moves in
+    this step; chosen (C,) int64: where the indices of the chosen ones are written.
+    """
+
+    grid: Optional[Grid]
+    move: float
+    chosen: np.ndarray
 
 
 @kernel
@@ -63,7 +79,8 @@ def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, 
         c = grid.items[m]
         if c != skip:
             phi = signed_distance(present, table, poses, end, c, (x, y, z))[0]
-            clear = min(clear, phi - near - _margin_at(margins, c))
+            wide = seam_width(table, c, origin(poses, end, c))
+            clear = min(clear, phi - wide - near - _margin_at(margins, c))
     return clear
 
 
@@ -226,7 +243,7 @@ def choose(grid, table, poses, start, x0, reach, chosen):
     x0 : (3,) tuple of float [m]
         Start of the step.
     reach : float [m]
-        How far from there anything of the step may happen, twice the moves of colliders included.
+        How far from there anything of the step may happen, as `reach_of` gives it.
     chosen : (C,) int64
         Overwritten with their indices, ascending.
 
@@ -241,6 +258,26 @@ def choose(grid, table, poses, start, x0, reach, chosen):
             low, high = _around(x0, reach)
             return _choose_in_grid(grid, low, high, MOST_CELLS, table.shape[0], chosen)
     return _choose_one_by_one(table, poses, start, x0, reach, chosen)
+
+
+@inlined
+def reach_of(radius, move, x0, x1):
+    """
+    How far from x0 [m] a collider has to be, for a particle not to touch it on the way to x1.
+
+    The particle reaches |x1 - x0| and its radius away. It may be pushed once more as far as it has
+    come, as colliders see it that move themselves, and twice the way that two of them come
+    together (placing.push_out); the collider that is touched comes towards it by its own move.
+    """
+    return radius + 6.0 * move + 2.0 * length(subtract(x1, x0))
+
+
+@inlined
+def chosen_within(around, here, table, poses, x0, reach):
+    """Give `here` with the colliders chosen that a particle may touch within reach [m] of x0."""
+    count = choose(around.grid, table, poses, here.start, x0, reach, around.chosen)
+    return Here(here.step, here.start, here.end, here.block, here.particle, here.radius,
+                around.chosen[:count], here.answers)
 
 
 @kernel

@@ -30,10 +30,11 @@ from collision_sim.core.courses import (centre, frame_acceleration, largest_jerk
 from collision_sim.core.extrapolation import integrate
 from collision_sim.core.flight import decay
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.meeting import ZERO
 from collision_sim.core.rules import N_UNDECIDED, ROUNDING
 from collision_sim.core.shapes import BOX, KIND, PLANE, SIDE, SIZE, SPHERE
 from collision_sim.core.surfaces import face_beside, FACES, gap_to, is_flat, touching_depth
-from collision_sim.core.sustained import onto_surfaces, resting_place, RESTS, ZERO
+from collision_sim.core.sustained import onto_surfaces, resting_place, RESTS
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
                                         subtract)
 
@@ -234,7 +235,7 @@ def _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x
 
 @kernel
 def first_time(rules, forces, here, table, poses, courses, work, accounts, path, c, face, side,
-               radius, t, end):
+               radius, t, end, latest):
     """
     First time at which a particle on its path comes to a surface.
 
@@ -252,12 +253,14 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
     c, face, side, radius
         As in surfaces.gap_to.
     t, end : float [s]
-        From when to when.
+        From when to when the path goes.
+    latest : float [s]
+        Until when the search goes, at most `end`. It changes no bit of what is found before.
 
     Returns
     -------
     time : float [s]
-        Infinite if not before `end`.
+        Infinite if not before `latest`.
 
     """
     for _ in range(QUERIES):
@@ -280,7 +283,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
             rate = max(rate, 0.0)
         step = _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x, v,
                         gap, slope * rate, n, subtract(v, obj), touching)
-        if t + step >= end:
+        if t + step >= latest:
             return inf
         t += max(step, EPSILON * end)
     accounts[here.block, N_UNDECIDED] += 1

@@ -144,7 +144,7 @@ def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candid
         least = pair_rules.slow
     if dot(n, subtract(column(before, i), first)) < -least:
         return size, count
-    depth = starts_inside(rules, here, table, poses, c, x0)
+    depth = starts_inside(rules, here, table, poses, motion, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
     mean = dot(n, subtract(u, obj)) - gap / dt

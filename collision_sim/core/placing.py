@@ -19,8 +19,7 @@ It is pushed to the surfaces, which is a move and no impulse; the fail-safe is f
 gets out.
 """
 
-from collision_sim.core.detection import (deepest, is_path_clear, is_same_surface,
-                                          rounding_depth)
+from collision_sim.core.detection import blocker, deepest, is_same_surface, rounding_depth
 from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
 from collision_sim.core.rules import (N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL,
@@ -40,13 +39,20 @@ def _free_part(n, a, b):
 
 
 @kernel
+def _carried(rules, here, table, poses, motion, c, x0):
+    """Where collider c would have carried a particle; where it started if c does not move."""
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+    return add_scaled(x0, rules.flight.dt, obj)
+
+
+@kernel
 def push_out(rules, here, table, poses, motion, x0, place):
     """
     Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
 
     A push goes along the surfaces of the two colliders before it, so that a particle in a groove
     or a corner gets out in two or three pushes, however acute that is. Pushing ends where it leads
-    further than the particle and the collider came.
+    further than the particle came, as the colliders see it, and twice the way they came together.
 
     Returns
     -------
@@ -58,7 +64,7 @@ def push_out(rules, here, table, poses, motion, x0, place):
     zero = (0.0, 0.0, 0.0)
     c1, c2, n1, n2, candidate = NONE, NONE, zero, zero, place
     for k in range(PUSHES):
-        c, phi, n = deepest(rules, here, table, poses, x0, place)
+        c, phi, n = deepest(rules, here, table, poses, motion, x0, place)
         if c == NONE:
             return place, NONE, NONE
         a, b = n1, n2
@@ -71,8 +77,12 @@ def push_out(rules, here, table, poses, motion, x0, place):
         t = _free_part(n, a, b)
         rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
         place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
-        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
-        reach = length(subtract(candidate, x0)) + 2.0 * rules.flight.dt * length(obj)
+        carried = _carried(rules, here, table, poses, motion, c, x0)
+        reach = length(subtract(candidate, carried))
+        if c2 != NONE:
+            beside = _carried(rules, here, table, poses, motion, c2, x0)
+            reach = max(reach, length(subtract(candidate, beside)))
+            reach += 2.0 * length(subtract(beside, carried))
         reach += rounding_depth(here, table, poses, c, x0) + PUSHES * rounding
         if length(subtract(place, candidate)) > reach:
             break
@@ -80,38 +90,42 @@ def push_out(rules, here, table, poses, motion, x0, place):
 
 
 @kernel
-def _retreat(rules, here, table, poses, motion, attempt, c, x0):
-    """Where the fail-safe tries to place a particle: where it started, then carried by c."""
-    if attempt == 0:
-        return x0
-    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
-    return add_scaled(x0, rules.flight.dt, obj)
-
-
-@kernel
 def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
     """
     Place a particle that cannot be pushed out, with the velocity of a collider.
 
-    It goes where it started, or else where one of the colliders would have carried it. Where all
-    of that is inside something too, it rides along with collider c and is noted as unplaced.
+    It goes where the collider that it is still inside of, or that is in its way, would have
+    carried it, or else the collider beside that one: nobody else has touched it. Where both lead
+    into a collider, it rides along with the first and is noted as unplaced.
+
+    Parameters
+    ----------
+    rules, here, table, poses, motion, accounts, notes
+        As in response.resolve.
+    c, other : int
+        The collider that it is inside of or that is in its way, and the one beside it or NONE.
+    x0 : (3,) tuple of float [m]
+        Where it started.
 
     Returns
     -------
     x1, w : (3,) tuple of float [m], [m/s]
+    carrier : int
+        The collider whose velocity that is.
 
     """
     accounts[here.block, N_FAIL_SAFE] += 1
-    for attempt in range(table.shape[0] + 1):
-        carrier = (c + max(attempt - 1, 0)) % table.shape[0]
-        place = _retreat(rules, here, table, poses, motion, attempt, carrier, x0)
-        place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
-        if inside == NONE and is_path_clear(rules.sweep, rules, here, table, poses, motion, x0,
-                                            place):
-            return place, point_velocity(motion, poses, here.step, END, here.end, carrier, place)
+    for carrier in (c, other):
+        if carrier != NONE:
+            place = _carried(rules, here, table, poses, motion, carrier, x0)
+            place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
+            if inside == NONE and blocker(rules.sweep, rules, here, table, poses, motion, x0,
+                                          place) == NONE:
+                w = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
+                return place, w, carrier
     note_unplaced(here, accounts, notes, c, other)
-    place = _retreat(rules, here, table, poses, motion, 1, c, x0)
-    return place, point_velocity(motion, poses, here.step, END, here.end, c, place)
+    place = _carried(rules, here, table, poses, motion, c, x0)
+    return place, point_velocity(motion, poses, here.step, END, here.end, c, place), c
 
 
 @kernel

@@ -27,11 +27,11 @@ from collision_sim.core.blocks import clear_of_others
 from collision_sim.core.broad_phase import how_many, nth, others_of, radius_at
 from collision_sim.core.detection import approach
 from collision_sim.core.flight import fly
-from collision_sim.core.impulses import respond_to_slip, slip_of
+from collision_sim.core.impulses import doubtful_change, respond_to_slip, slip_of
 from collision_sim.core.jit import inlined, kernel, widest_vectors
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.mesh_blocks import clear_of_mesh_boxes
-from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity, START
+from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity, START
 from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_LOGGED, NORMAL,
                                       POINT, PUSHES, ROUNDING, SLIDE, STICK)
 from collision_sim.core.shapes import KIND, PLANE, RESTITUTION
@@ -68,11 +68,12 @@ def _respond(rules, table, c, v, obj, n, v_n, dv_n):
 
 
 @inlined
-def _end_change(motion, step, c, w_n, most, touched):
+def _end_change(motion, poses, step, end, c, x1, n, w_n, most, touched):
     """Change of the normal velocity at the end, as response.py limits it."""
     if motion is not None:
-        if motion[step, c, ESTIMATED] > 0.0 and touched:
-            return min(-w_n, most)
+        off = abs(dot(point_velocity(motion, poses, step, DOUBT, end, c, x1), n))
+        if off > 0.0 and touched:
+            return doubtful_change(w_n, most, off)
     return -w_n
 
 
@@ -180,7 +181,8 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
         x2, du = add_scaled(x0, dt, u2), subtract(u2, u)
         obj = point_velocity(motion, poses, step, END, end, c, x2)
         w_n = approach(w, obj, n)
-        dw_n = _end_change(motion, step, c, w_n, 2.0 * dot(du, n), not hit and gap <= rounding)
+        dw_n = _end_change(motion, poses, step, end, c, x2, n, w_n, 2.0 * dot(du, n),
+                           not hit and gap <= rounding)
         slowed, _, plainer = _respond(rules, table, c, w, obj, n, w_n, dw_n)
         w2 = slowed if w_n < 0.0 else w
         place, near = _pushed(poses, end, c, r, n, x2, 0)

@@ -12,37 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
-Polygons in space cut into triangles, by cutting off ears, the first that there is each time.
+Polygons in space cut into triangles, by cutting off ears.
 
 After G. H. Meisters: Polygons have ears, American Mathematical Monthly 82, 1975; in the plane
-normal to the area vector of the polygon.
+normal to the area vector of the polygon. Corners on straight edges are kept. A polygon may touch
+itself: corners may coincide, lie on its edges, or run back along them.
+
+A corner is an ear if it turns left and nothing of the polygon lies in its triangle. To cut one off
+changes that of its two neighbours only, so each corner is looked at some three times.
 """
 
 from math import sqrt
 
 from collision_sim.core.jit import kernel, law
-from collision_sim.core.vectors import cross, dot, largest
+from collision_sim.core.vectors import cross, dot, EPSILON, largest
 import numpy as np
 
-MOST_CORNERS = 1000     # of a polygon: the time grows with the square, at worst with the cube
 FLATNESS = 1e-3         # how far a corner may be off the plane, relative to the polygon
-FINE, NO_AREA, NOT_FLAT, NO_EAR, TOO_MANY = range(5)
-PROBLEMS = {NO_AREA: 'has no area', NOT_FLAT: f'must be flat to {FLATNESS:g} of its size',
-            NO_EAR: 'crosses itself, or has corners without an angle',
-            TOO_MANY: f'must have at most {MOST_CORNERS} corners'}
+NOT_FLAT, CROSSING = 1, 2       # bits of what is said of a polygon
+BUDGET = 20_000_000     # corners that are looked at in one call, a tenth of a second
+ROUNDING = 8.0 * EPSILON        # of a place in the plane, relative to the size of the polygon
+# What is known of a corner that is left: nothing, that it is no ear.
+OPEN, NO_EAR = range(2)
+SPIKES, SEARCH, SEARCH_AGAIN, STRAIGHT, CROSSED = range(5)      # what is cut off in this round
+# Words of the state between two calls.
+POLYGON, FIRST_CORNER, FACES, LEFT, CORNER, TRIED, ROUND, STATE = range(8)
 
 
-@law
 def cut(vertices, corners, sizes):
     """
     Cut polygons into triangles.
 
+    Python hears signals all the while.
+
     Parameters
     ----------
     vertices : (V, 3) float64 [m]
-        In any order.
+        All different.
     corners : (sum of sizes,) int64
         Vertices of the polygons, one after the other.
     sizes : (P,) int64
@@ -50,32 +57,54 @@ def cut(vertices, corners, sizes):
 
     Returns
     -------
-    faces : (T, 3) int64
-    polygons : (T,) int64
+    faces : (sum of sizes - 2 P, 3) int64
+        Some may have no area.
+    polygons : (as many,) int64
         Which polygon each is part of.
-    problem : int
-        FINE, or what is wrong with the last of these polygons.
+    remarks : (P,) uint8
+        Bits of each: NOT_FLAT, by more than FLATNESS; CROSSING itself, cut somehow.
 
     """
+    most = int(sizes.max(initial=3))
     faces = np.empty((len(corners) - 2 * len(sizes), 3), np.int64)
-    polygons = np.empty(len(faces), np.int64)
-    flat, ring = np.empty((MOST_CORNERS, 2)), np.empty(MOST_CORNERS, np.int64)
-    start, count = 0, 0
-    for p in range(len(sizes)):
-        n, problem = sizes[p], FINE
-        polygons[count:count + n - 2] = p
-        if n == 3:
-            faces[count] = corners[start:start + 3]
-        elif n > MOST_CORNERS:
-            problem = TOO_MANY
+    remarks, state = np.zeros(len(sizes), np.uint8), np.zeros(STATE, np.int64)
+    flat, ring = np.empty((most, 3)), np.empty((most, 4), np.int64)
+    while state[POLYGON] < len(sizes):
+        _cut_some(vertices, corners, sizes, flat, ring, state, faces, remarks)
+    return faces, np.repeat(np.arange(len(sizes)), sizes - 2), remarks
+
+
+# Columns of `ring`, a row for each corner of the polygon: the corners before and after it of those
+# that are left, what is known of it, and its vertex. Columns of `flat`: its place in the plane of
+# the polygon; in the first row also by how much places may be off.
+BEFORE, AFTER, KNOWN, AT = range(4)
+SLACK = 2
+
+
+@law
+def _cut_some(vertices, corners, sizes, flat, ring, state, faces, remarks):
+    """Go on from the state until all is cut or the budget is used up."""
+    work = 0
+    while state[POLYGON] < len(sizes) and work < BUDGET:
+        p, start = state[POLYGON], state[FIRST_CORNER]
+        n = sizes[p]
+        if n > 3:
+            if state[LEFT] == 0:
+                remarks[p] |= _lay_flat(vertices, corners, start, n, flat, ring)
+                state[LEFT], state[CORNER], state[TRIED], state[ROUND] = n, 1, 0, SPIKES
+            work += _cut_ears(flat, ring, state, faces, remarks, BUDGET - work)
+            if state[LEFT] > 3:
+                break
+            b = state[CORNER]
+            a, c = ring[b, BEFORE], ring[b, AFTER]
+            if _left_of(flat, a, b, c) < 0.0:
+                remarks[p] |= CROSSING
+            _write(faces[state[FACES]], ring, a, b, c)
         else:
-            problem = _lay_flat(vertices, corners, start, n, flat)
-            if problem == FINE:
-                problem = _cut_ears(flat, ring, corners, start, n, faces, count)
-        if problem != FINE:
-            return faces[:count], polygons[:count + 1], problem
-        start, count = start + n, count + n - 2
-    return faces, polygons, FINE
+            faces[state[FACES]] = corners[start:start + 3]
+        work += n
+        state[POLYGON], state[FIRST_CORNER] = p + 1, start + n
+        state[FACES], state[LEFT] = state[FACES] + 1, 0
 
 
 @kernel
@@ -87,8 +116,8 @@ def _arm(vertices, corners, start, k):
 
 
 @kernel
-def _lay_flat(vertices, corners, start, n, flat):
-    """Write the corners of a polygon in its plane, in which it turns left, to flat."""
+def _lay_flat(vertices, corners, start, n, flat, ring):
+    """Write the corners of a polygon in its plane, in which it turns left; give remarks."""
     area, reach = (0.0, 0.0, 0.0), 0.0
     for k in range(1, n):
         arm = _arm(vertices, corners, start, k)
@@ -96,63 +125,136 @@ def _lay_flat(vertices, corners, start, n, flat):
         area = (area[0] + part[0], area[1] + part[1], area[2] + part[2])
         reach = max(reach, largest(arm))
     size = sqrt(dot(area, area))
-    if not size > 0.0:
-        return NO_AREA
-    normal = (area[0] / size, area[1] / size, area[2] / size)
+    normal = (area[0] / size, area[1] / size, area[2] / size) if size > 0.0 else (0.0, 0.0, 1.0)
     least = min(abs(normal[0]), min(abs(normal[1]), abs(normal[2])))
     axis = (1.0, 0.0, 0.0) if least == abs(normal[0]) else (
         (0.0, 1.0, 0.0) if least == abs(normal[1]) else (0.0, 0.0, 1.0))
     first = cross(axis, normal)
     second = cross(normal, first)
+    off = 0.0
     for k in range(n):
         arm = _arm(vertices, corners, start, k)
-        if abs(dot(arm, normal)) > FLATNESS * reach:
-            return NOT_FLAT
+        off = max(off, abs(dot(arm, normal)))
         flat[k, 0], flat[k, 1] = dot(arm, first), dot(arm, second)
-    return FINE
+        ring[k, BEFORE], ring[k, AFTER] = (k - 1) % n, (k + 1) % n
+        ring[k, KNOWN], ring[k, AT] = OPEN, corners[start + k]
+    flat[0, SLACK] = ROUNDING * reach
+    return NOT_FLAT if off > FLATNESS * reach else 0
 
 
 @kernel
-def _cut_ears(flat, ring, corners, start, n, faces, count):
-    """Write the triangles of a polygon that lies flat to faces from `count` on."""
-    for k in range(n):
-        ring[k] = k
-    k, tried = 1, 0
-    while n > 3:
-        if _is_ear(flat, ring, n, k):
-            for j in range(3):
-                faces[count, j] = corners[start + ring[(k - 1 + j) % n]]
-            count, n, tried = count + 1, n - 1, 0
-            for j in range(k, n):
-                ring[j] = ring[j + 1]
-            k %= n
+def _cut_ears(flat, ring, state, faces, remarks, budget):
+    """
+    Cut off corners until three are left or the budget is used up; give what was used.
+
+    First go those that run back along the edge that leads to them, later as soon as one comes up;
+    then ears. Where there is none a corner on a straight line goes. Where there is none either the
+    polygon crosses itself, and the rest is cut as it comes.
+    """
+    work, k = 0, state[CORNER]
+    while state[LEFT] > 3 and work < budget:
+        a, c = ring[k, BEFORE], ring[k, AFTER]
+        work += 1
+        if state[ROUND] == SPIKES:
+            cut_off = _is_spike(flat, a, k, c)
+        elif state[ROUND] <= SEARCH_AGAIN:
+            cut_off = ring[k, KNOWN] == OPEN and (
+                _is_spike(flat, a, k, c) or _is_ear(flat, ring, k))
+            work += state[LEFT] if ring[k, KNOWN] == OPEN else 0
+            ring[k, KNOWN] = NO_EAR
         else:
-            k, tried = (k + 1) % n, tried + 1
-            if tried == n:
-                return NO_EAR
-    if not _left_of(flat, ring[0], ring[1], ring[2]) > 0.0:
-        return NO_EAR
-    for j in range(3):
-        faces[count, j] = corners[start + ring[j]]
-    return FINE
+            cut_off = state[ROUND] == CROSSED or _left_of(flat, a, k, c) == 0.0
+        if cut_off:
+            _write(faces[state[FACES]], ring, a, k, c)
+            ring[a, AFTER], ring[c, BEFORE] = c, a
+            ring[a, KNOWN] = ring[c, KNOWN] = OPEN
+            state[FACES], state[LEFT], state[TRIED] = state[FACES] + 1, state[LEFT] - 1, 0
+            if state[ROUND] > SEARCH and state[ROUND] != CROSSED:
+                state[ROUND] = SEARCH
+            k = a if _is_spike(flat, ring[a, BEFORE], a, c) else c
+        else:
+            k = c
+            state[TRIED] += 1
+            if state[TRIED] == state[LEFT]:
+                state[TRIED], state[ROUND] = 0, state[ROUND] + 1
+                _forget(ring, k, state[LEFT])
+    if state[ROUND] == CROSSED:
+        remarks[state[POLYGON]] |= CROSSING
+    state[CORNER] = k
+    return work
+
+
+@kernel
+def _write(face, ring, a, b, c):
+    """Make a face of three corners."""
+    face[0], face[1], face[2] = ring[a, AT], ring[b, AT], ring[c, AT]
+
+
+@kernel
+def _forget(ring, k, count):
+    """Know nothing any more of the corners that are left."""
+    for _ in range(count):
+        ring[k, KNOWN] = OPEN
+        k = ring[k, AFTER]
 
 
 @kernel
 def _left_of(flat, a, b, c):
-    """Twice the area of a triangle, positive if it turns left."""
-    return ((flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1])
-            - (flat[b, 1] - flat[a, 1]) * (flat[c, 0] - flat[a, 0]))
+    """Twice the area of a triangle, positive if it turns left; 0 if rounding may have made it."""
+    bx, by = flat[b, 0] - flat[a, 0], flat[b, 1] - flat[a, 1]
+    cx, cy = flat[c, 0] - flat[a, 0], flat[c, 1] - flat[a, 1]
+    area = bx * cy - by * cx
+    return area if abs(area) > flat[0, SLACK] * (abs(bx) + abs(by) + abs(cx) + abs(cy)) else 0.0
 
 
 @kernel
-def _is_ear(flat, ring, n, k):
-    """Whether corner k of the ring turns left and no other corner lies in its triangle."""
-    a, b, c = ring[(k - 1) % n], ring[k], ring[(k + 1) % n]
+def _is_spike(flat, a, b, c):
+    """Whether the edge from corner b runs back along that to it, or has no length."""
+    back = ((flat[a, 0] - flat[b, 0]) * (flat[c, 0] - flat[b, 0])
+            + (flat[a, 1] - flat[b, 1]) * (flat[c, 1] - flat[b, 1]))
+    return back >= 0.0 and _left_of(flat, a, b, c) == 0.0
+
+
+@kernel
+def _is_ear(flat, ring, b):
+    """Whether corner b turns left and nothing of the polygon lies in its triangle."""
+    a, c = ring[b, BEFORE], ring[b, AFTER]
     if not _left_of(flat, a, b, c) > 0.0:
         return False
-    for j in range(n - 3):
-        d = ring[(k + 2 + j) % n]
-        if (_left_of(flat, a, b, d) >= 0.0 and _left_of(flat, b, c, d) >= 0.0
-                and _left_of(flat, c, a, d) >= 0.0):
+    low_x = min(flat[a, 0], min(flat[b, 0], flat[c, 0]))
+    high_x = max(flat[a, 0], max(flat[b, 0], flat[c, 0]))
+    low_y = min(flat[a, 1], min(flat[b, 1], flat[c, 1]))
+    high_y = max(flat[a, 1], max(flat[b, 1], flat[c, 1]))
+    d = ring[c, AFTER]
+    while d != a:
+        if (low_x <= flat[d, 0] and flat[d, 0] <= high_x and low_y <= flat[d, 1]
+                and flat[d, 1] <= high_y and _is_in_the_way(flat, ring, a, b, c, d)):
             return False
+        d = ring[d, AFTER]
     return True
+
+
+@kernel
+def _is_in_the_way(flat, ring, a, b, c, d):
+    """Whether a corner d lies in the triangle a, b, c, or an edge leads into it from there."""
+    if ring[d, AT] == ring[a, AT] or ring[d, AT] == ring[c, AT]:
+        return False        # what an edge leads to from there is in the way itself
+    one, two = _left_of(flat, a, b, d), _left_of(flat, b, c, d)
+    if ring[d, AT] == ring[b, AT] or (one == 0.0 and two == 0.0):
+        return (_leads_into(flat, ring[d, BEFORE], a, b, b, c)
+                or _leads_into(flat, ring[d, AFTER], a, b, b, c))
+    if one < 0.0 or two < 0.0 or _left_of(flat, c, a, d) < 0.0:
+        return False
+    if one == 0.0:
+        return (_leads_into(flat, ring[d, BEFORE], a, b, a, b)
+                or _leads_into(flat, ring[d, AFTER], a, b, a, b))
+    if two == 0.0:
+        return (_leads_into(flat, ring[d, BEFORE], b, c, b, c)
+                or _leads_into(flat, ring[d, AFTER], b, c, b, c))
+    return True
+
+
+@kernel
+def _leads_into(flat, f, a, b, c, d):
+    """Whether corner f lies to the left of the edges a b and c d."""
+    return _left_of(flat, a, b, f) > 0.0 and _left_of(flat, c, d, f) > 0.0

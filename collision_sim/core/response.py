@@ -31,14 +31,15 @@ from it instead. Of several colliders the one in which the particle is deepest a
 """
 
 from collision_sim.core.candidates import candidate_of, fly_anew
-from collision_sim.core.detection import (approach, detect, distance, is_path_clear,
-                                          is_same_surface, rounding_depth)
-from collision_sim.core.impulses import joint_law, respond, shares
+from collision_sim.core.detection import (approach, blocker, detect, distance, is_same_surface,
+                                          rounding_depth)
+from collision_sim.core.impulses import doubtful_change, joint_law, respond, shares
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book_collision, book_contact, book_joint, book_placing,
                                        book_shift, lost_in_pass, REPULSED)
-from collision_sim.core.motion import chord_velocity, END, ESTIMATED, point_velocity
+from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity
+from collision_sim.core.nearby import chosen_within, reach_of
 from collision_sim.core.placing import fail_safe, push_out
 from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, N_COLLISION,
                                       N_CONTACT, N_LOGGED, N_REPULSION, NONE, NORMAL, NOTHING,
@@ -68,6 +69,18 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
+def record_jointly(log, accounts, here, one, two, point, dv):
+    """Log what two colliders do at once: the part along the first normal, and the rest."""
+    k = dot(one.normal, two.normal)
+    if 1.0 - k * k >= PARALLEL:
+        dv1 = scaled(shares(one.normal, two.normal, dv)[0], one.normal)
+        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dv1)
+        record(log, accounts, here, two.collider, SLIDE, point, two.normal, subtract(dv, dv1))
+    else:
+        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dv)
+
+
+@inlined
 def collide(rules, here, table, log, accounts, ledger, touch, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
     c, n = touch.collider, touch.normal
@@ -88,19 +101,21 @@ def _contact_target(checks, restitution, u_n, target, first):
 
 
 @inlined
-def _end_change(motion, rules, here, table, poses, c, x0, w_n, most):
+def _end_change(motion, rules, here, table, poses, c, x0, x1, n, w_n, most):
     """
     Change of normal velocity that ends the approach of w.
 
-    Where the velocity of the collider at the end is only estimated and the particle has been in
-    contact from the start, the change is at most `most` [m/s], that of the constant force that
-    moved it in this step: a support that falls away does not drag it along or push it up.
+    Where the velocity of the collider at the end is estimated and the particle has been in contact
+    from the start, the change is at most `most` [m/s], that of the constant force that moved it in
+    this step: a support that falls away does not drag it along or push it up. But what is left of
+    the approach is no more than the estimate may be off by.
     """
     if motion is not None:
-        if motion[here.step, c, ESTIMATED] > 0.0:
+        off = abs(dot(point_velocity(motion, poses, here.step, DOUBT, here.end, c, x1), n))
+        if off > 0.0:
             gap = distance(rules, here, table, poses, here.start, c, x0)
             if gap <= rounding_depth(here, table, poses, c, x0):
-                return min(-w_n, most)
+                return doubtful_change(w_n, most, off)
     return -w_n
 
 
@@ -112,7 +127,7 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, m
         w_n = approach(w, obj, n)
         if w_n < 0.0:
             dw_n = -w_n if hit else _end_change(
-                motion, rules, here, table, poses, c, x0, w_n, most)
+                motion, rules, here, table, poses, c, x0, x1, n, w_n, most)
             return respond(rules, table, c, w, obj, n, w_n, dw_n)[0]
         return w
     return add(w, du)
@@ -196,7 +211,7 @@ def are_both_kept(second, one, two):
 
 
 @inlined
-def press_jointly(rules, here, table, poses, motion, accounts, ledger, x0, one, two, u, w):
+def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, u, w):
     """
     Contact with two colliders at once, for a particle that passes one by one leave approaching.
 
@@ -214,8 +229,10 @@ def press_jointly(rules, here, table, poses, motion, accounts, ledger, x0, one, 
     obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
     u_after = joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
                         obj2, u)
-    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two,
-                         add_scaled(x0, dt, u_after), subtract(u_after, u), w)
+    x1 = add_scaled(x0, dt, u_after)
+    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1,
+                         subtract(u_after, u), w)
+    record_jointly(log, accounts, here, one, two, x1, subtract(w_after, w))
     book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u_after, w, w_after)
     accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
@@ -238,10 +255,8 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
     """
     if second is not None:
         u, w = to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, *free)
-        point, dw = add_scaled(x0, rules.flight.dt, u), subtract(w, passed[1])
-        dw1 = scaled(shares(one.normal, two.normal, dw)[0], one.normal)
-        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dw1)
-        record(log, accounts, here, two.collider, SLIDE, point, two.normal, subtract(dw, dw1))
+        record_jointly(log, accounts, here, one, two, add_scaled(x0, rules.flight.dt, u),
+                       subtract(w, passed[1]))
         book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u,
                    passed[1], w)
         accounts[here.block, N_CONTACT] += 1
@@ -250,8 +265,22 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
 
 
 @inlined
+def _reaching(around, here, table, poses, x0, x1, reach):
+    """
+    Choose more colliders where a particle comes further than those were chosen for.
+
+    A collider that is fast, or a deep start, may send it away further than it came.
+    """
+    if around is not None:
+        needed = reach_of(here.radius, around.move, x0, x1)
+        if needed > reach:
+            return chosen_within(around, here, table, poses, x0, 2.0 * needed), 2.0 * needed
+    return here, reach
+
+
+@inlined
 def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None,
-            candidates=None):
+            candidates=None, around=None, reach=0.0):
     """
     One step of a particle that may touch something.
 
@@ -267,6 +296,10 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         Where the flight is booked already, and all else is; None for no ledger.
     candidates : candidates.Candidates or None
         None where springs and pairs change nothing.
+    around : nearby.Around or None
+        What the colliders of `here` are chosen from; None where they are all.
+    reach : float [m]
+        They are those that the particle may touch within this distance of x0.
 
     Returns
     -------
@@ -279,11 +312,12 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
     last, other = NOTHING, NOTHING
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
+        here, reach = _reaching(around, here, table, poses, x0, x1, reach)
         if passes == rules.passes:
             break
         touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
                                v0, u, passes == 0 and hits < CHECKS)
-        if not inside:
+        if not inside and other.collider == NONE:
             return x1, w
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
@@ -306,14 +340,18 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             last, passes = touch, passes + 1
     joined = passes == 2 and are_both_kept(rules.second, other, last)
     if other.collider != NONE and not lawful and not joined:
-        u, w = press_jointly(rules, here, table, poses, motion, accounts, ledger, x0, last, other,
-                             u, w)
+        u, w = press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, last,
+                             other, u, w)
         x1 = add_scaled(x0, rules.flight.dt, u)
+        here, reach = _reaching(around, here, table, poses, x0, x1, reach)
     place, c, beside = push_out(rules, here, table, poses, motion, x0, x1)
-    if c != NONE or not is_path_clear(rules.sweep, rules, here, table, poses, motion, x0, place):
-        place, w1 = fail_safe(rules, here, table, poses, motion, accounts, notes, max(c, 0),
-                              beside, x0)
-        book_placing(ledger, rules, here, poses, motion, max(c, 0), x0, x1, place, w, w1)
+    if c == NONE:
+        c = blocker(rules.sweep, rules, here, table, poses, motion, x0, place)
+    if c != NONE:
+        place, w1, carrier = fail_safe(rules, here, table, poses, motion, accounts, notes, c,
+                                       beside, x0)
+        record(log, accounts, here, carrier, STICK, place, NOTHING.normal, subtract(w1, w))
+        book_placing(ledger, rules, here, poses, motion, carrier, x0, x1, place, w, w1)
         return place, w1
     book_shift(ledger, here, REPULSED, subtract(place, x1))
     return place, w

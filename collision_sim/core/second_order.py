@@ -30,11 +30,12 @@ Source: H. C. Andersen, RATTLE, J. Comput. Phys. 52 (1983).
 """
 
 from collision_sim.core.detection import distance, rounding_depth
+from collision_sim.core.faces import face_below, height_over
 from collision_sim.core.impulses import dry_factor, joint_impulses, joint_law, wet_factor
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import dry_friction
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
-from collision_sim.core.rules import ROUNDING
+from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, signed_distance, SIZE, STATIC
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, largest, length, origin,
                                         scaled, subtract)
@@ -101,9 +102,17 @@ def _first_half(rules, table, c, u, obj, n, v_n, slip, kick, dv_n):
 
 
 @inlined
-def _surface(rules, here, table, poses, c, x1):
-    """Distance [m] and normal of a collider at the end of the step, and what is only rounding."""
-    phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+def _surface(rules, here, table, poses, c, x0, n0, x1):
+    """
+    Distance [m] and normal of a collider at the end of the step, and what is only rounding.
+
+    Of a face that the particle is over at the start, with normal n0, those of its continuation.
+    """
+    face = face_below(table, poses, here.start, c, x0, n0)
+    if face != NONE:
+        phi, n = height_over(table, poses, here.end, c, face, x1)
+    else:
+        phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     scale = largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE]
     return phi - here.radius, n, 0.25 * ROUNDING * scale
 
@@ -135,7 +144,7 @@ def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
     while True:
         after, stuck = _first_half(rules, table, c, u, obj, n0, v_n, slip, kick, dv_n)
         x1, left = add_scaled(x0, dt, after), left - 1
-        phi, n, rounding = _surface(rules, here, table, poses, c, x1)
+        phi, n, rounding = _surface(rules, here, table, poses, c, x0, n0, x1)
         slope = dot(n, n0)
         if dv_n > LEAST_CHANGE * largest(u) and not stuck:
             slope = dot(n, subtract(after, u)) / dv_n
@@ -204,8 +213,8 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
         after = _joint_half(rules, table, c1, n1, add_scaled(obj1, v1, n1), slip1, c2, n2,
                             add_scaled(obj2, v2, n2), slip2, u)
         x1, left = add_scaled(x0, dt, after), left - 1
-        phi1, end1, rounding1 = _surface(rules, here, table, poses, c1, x1)
-        phi2, end2, rounding2 = _surface(rules, here, table, poses, c2, x1)
+        phi1, end1, rounding1 = _surface(rules, here, table, poses, c1, x0, n1, x1)
+        phi2, end2, rounding2 = _surface(rules, here, table, poses, c2, x0, n2, x1)
         if (abs(phi1) <= rounding1 and abs(phi2) <= rounding2) or left == 0:
             break
         v1, v2 = v1 - phi1 / dt, v2 - phi2 / dt

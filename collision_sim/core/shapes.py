@@ -25,7 +25,8 @@ from typing import NamedTuple, Optional
 
 from collision_sim.core.jit import formula, inlined
 from collision_sim.core.mesh import mesh_distance, Meshes
-from collision_sim.core.vectors import length, origin, rotate, rotate_back, subtract
+from collision_sim.core.vectors import (EPSILON, largest, length, origin, rotate, rotate_back,
+                                        subtract)
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 # Columns of the table of colliders: one of the above; +1, or -1 for `inside`; sizes as in scene.py
@@ -167,6 +168,26 @@ def cylinder(point, radius, half):
     gap = (max(side, 0.0), max(cap, 0.0), 0.0)
     distance = length(gap)
     return distance, (ex * (gap[0] / distance), ey * (gap[0] / distance), sz * (gap[1] / distance))
+
+
+@inlined
+def has_faces(table, c):
+    """Whether a collider is a box or a cylinder that particles are outside of."""
+    kind = table[c, KIND]
+    return table[c, SIDE] > 0.0 and (kind == BOX or kind == CYLINDER)
+
+
+@inlined
+def seam_width(table, c, place):
+    """
+    How far apart [m] two boxes or cylinders may be by rounding only, where they are flush.
+
+    Nearer than this a particle is looked at, since it may be on the seam; 0 for other shapes.
+    """
+    if has_faces(table, c):
+        extent = table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
+        return 64.0 * EPSILON * (largest(place) + extent)
+    return 0.0
 
 
 class Present(NamedTuple):

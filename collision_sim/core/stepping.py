@@ -29,7 +29,7 @@ from collision_sim.core.jit import entry, inlined, prefetch, widest_vectors
 from collision_sim.core.lines import in_lines, LINE
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.nearby import choose
+from collision_sim.core.nearby import Around, chosen_within, reach_of
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
 from collision_sim.core.response import resolve
@@ -37,7 +37,7 @@ from collision_sim.core.rules import Here, LOG, N_LOGGED
 from collision_sim.core.threads import (AT_END, AT_START, claim, DONE, fetch_add, FIRST, NO_PIECE,
                                         post, SECOND, wait_for_job, wait_until_done)
 from collision_sim.core.trajectory import sweep_margin
-from collision_sim.core.vectors import add_scaled, is_finite, length, subtract
+from collision_sim.core.vectors import add_scaled, is_finite, length
 import numpy as np
 
 BLOCK = 1024            # most particles of a block; it fits the second-level cache
@@ -124,12 +124,6 @@ def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses
 
 
 @inlined
-def _reach(dt, x0, v0, x1, v1):
-    """How far from its start anything may happen to a particle in a step [m], and more."""
-    return 2.0 * length(subtract(x1, x0)) + 2.0 * dt * (length(v0) + length(v1))
-
-
-@inlined
 def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses, motion, log,
             accounts, notes, x0, v0, ledger, candidates, chosen, answers):
     """One step of particle i, which may touch something or not be finite; place and velocity."""
@@ -137,11 +131,12 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
     x1 = add_scaled(x0, rules.flight.dt, u)
     if not is_finite(x1, v1):
         return freeze(accounts, block, x0)
-    reach = 2.0 * move + _reach(rules.flight.dt, x0, v0, x1, v1)
-    here = Here(step, start, end, block, i, radius,
-                chosen[:choose(grid, table, poses, start, x0, reach, chosen)], answers)
+    reach = reach_of(radius, move, x0, x1) + 2.0 * rules.flight.dt * (length(v0) + length(v1))
+    around = Around(grid, move, chosen)
+    here = Here(step, start, end, block, i, radius, chosen, answers)
+    here = chosen_within(around, here, table, poses, x0, reach)
     place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
-                              ledger, candidates)
+                              ledger, candidates, around, reach)
     if not is_finite(place, velocity):
         return freeze(accounts, block, x0)
     return place, velocity

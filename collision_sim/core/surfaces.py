@@ -26,16 +26,37 @@ A surface is named by one number, FACES times the collider plus the face.
 """
 
 from math import inf
+from typing import NamedTuple, Optional
 
 from collision_sim.core.courses import centre, material_velocity, spin_axis, spin_rate
+from collision_sim.core.faces import drawn_in, face_at, face_towards, FLUSH
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, KIND, local_distance, PLANE, SIDE,
-                                       SIZE)
+from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, has_faces, KIND, local_distance,
+                                       PLANE, SIDE, SIZE)
 from collision_sim.core.trajectory import TOUCHING
-from collision_sim.core.vectors import (dot, largest, length, origin, rotate, rotate_back,
-                                        subtract, turned)
+from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, origin, rotate,
+                                        rotate_back, subtract, turned)
+import numpy as np
 
 FACES = 8               # room for the faces of a collider
+
+
+class Spot(NamedTuple):
+    """
+    As rules.Here, and `way` [m]: the particle's way in a step at its velocity.
+
+    Its place at a time within the step is known to the rounding of that way.
+    """
+
+    step: int
+    start: int
+    end: int
+    block: int
+    particle: int
+    radius: float
+    chosen: Optional[np.ndarray]
+    answers: Optional[np.ndarray]
+    way: float
 
 
 @inlined
@@ -146,7 +167,7 @@ def gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x):
 def touching_depth(table, poses, here, c, x):
     """Gap [m] below which a particle touches."""
     return TOUCHING * (largest(x) + largest(origin(poses, here.start, c)) + table[c, SIZE]
-                       + here.radius)
+                       + here.radius + here.way)
 
 
 @inlined
@@ -161,8 +182,9 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
     """
     Face of a box or cylinder that a particle at its edge goes along or away from, as a surface.
 
-    A convex solid is behind the plane of each of its faces: who is not behind one, and does not
-    approach it, does not come inside. So there is no bump at the seam of two flush boxes.
+    A convex solid is behind the plane of each of its faces: a particle that is not behind one, and
+    does not approach it, does not come inside. So there is no bump at the seam of two flush boxes.
+    A face that another collider covers is none (faces.py): nobody falls into that seam.
 
     Parameters
     ----------
@@ -183,9 +205,71 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
     if table[c, SIDE] > 0.0 and (kind == BOX or kind == CYLINDER):
         for face in range(1, faces(table, c, -1.0) + 1):
             gap, _, n = gap_to(rules, here, table, poses, courses, c, face, 1.0, radius, t, x)
-            if gap >= -slack and dot(w, n) >= -rounding:
+            if gap >= -slack and dot(w, n) >= -rounding and not _is_covered(
+                    rules, here, table, poses, courses, c, face - 1, t, x):
                 return face
     return 0
+
+
+@kernel
+def open_face(rules, here, table, poses, courses, c, radius, t, x, n, slack):
+    """
+    Face of a box or cylinder that a particle touches at an edge, where the nearest is covered.
+
+    Parameters
+    ----------
+    rules, here, table, poses, courses, c, radius, t, x
+        As in `gap_to`.
+    n : (3,) tuple of float [-]
+        Normal of the nearest one, world frame.
+    slack : float [m]
+        Gap that is only rounding.
+
+    Returns
+    -------
+    face : int
+        As in `gap_to`; 0 if the nearest is not covered, or no other is touched.
+
+    """
+    if has_faces(table, c):
+        m = body_frame(courses, table, poses, here, c, t, n)
+        nearest = face_towards(table, c, m)
+        if _is_covered(rules, here, table, poses, courses, c, _own(table, c, nearest), t, x):
+            for face in range(1, faces(table, c, -1.0) + 1):
+                gap, _, _ = gap_to(rules, here, table, poses, courses, c, face, 1.0, radius, t, x)
+                if abs(gap) <= slack and not _is_covered(
+                        rules, here, table, poses, courses, c, face - 1, t, x):
+                    return face
+    return 0
+
+
+@inlined
+def _own(table, c, face):
+    """Turn the number of a face of a box or cylinder from that of faces.py, or to it."""
+    return 3 - face if table[c, KIND] == CYLINDER and face > 0 else face
+
+
+@kernel
+def _is_covered(rules, here, table, poses, courses, c, own, t, x):
+    """Whether another collider covers a face of a box or a cylinder below a particle."""
+    place = centre(courses, poses, here, c, t)
+    q = body_frame(courses, table, poses, here, c, t, subtract(x, place))
+    face = _own(table, c, own)
+    margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
+    p = drawn_in(table, c, face, q, margin)
+    before = world_frame(courses, poses, here, c, t, add_scaled(
+        p, margin, face_at(table, c, face, p)[1]))
+    shapes = rules.present
+    for k in range(table.shape[0]):
+        if k != c:
+            size = (table[k, SIZE], table[k, SIZE + 1], table[k, SIZE + 2])
+            arm = add(before, subtract(place, centre(courses, poses, here, k, t)))
+            gap, _ = local_distance(
+                shapes.planes, shapes.spheres, shapes.boxes, shapes.capsules, shapes.cylinders,
+                table[k, KIND], body_frame(courses, table, poses, here, k, t, arm), size)
+            if table[k, SIDE] * gap <= -0.5 * margin:
+                return True
+    return False
 
 
 @inlined

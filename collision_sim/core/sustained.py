@@ -27,26 +27,25 @@ from typing import NamedTuple, Optional
 from collision_sim.core.courses import (carried, frame_acceleration, material_velocity,
                                         spin_rate)
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.meeting import (BALANCED, facing, first_choice, gather, least_push,
+                                        leave_out, NEED, next_choice, NOBODY, normal_forces,
+                                        square_up, surface_of, surfaces_of, ZERO)
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, SIDE, STATIC, WET
-from collision_sim.core.surfaces import (bend_of, face_beside, FACES, faces, gap_to,
-                                         touching_depth)
-from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length,
-                                        origin, subtract)
+from collision_sim.core.surfaces import bend_of, FACES, gap_to
+from collision_sim.core.vectors import add_scaled, dot, largest, length, origin, subtract
 
-NOBODY = (NONE, NONE, NONE)     # no surface holds
-ZERO = (0.0, 0.0, 0.0)
-BALANCED = 64.0 * EPSILON       # relative size of a force that is only rounding
 BLINK = 3e-5                    # share of a step: how long friction turns a first slip
 SETTLED = 1e-4                  # share of a blink: how long the last of a slide takes
-FLIES, RESTS, SLIDES = 0, 1, 2
+FLIES, RESTS, SLIDES, GLIDES = 0, 1, 2, 3       # the last: slides without friction
 
 
 class Forces(NamedTuple):
     """
     Gravity [m/s^2], wind [m/s], linear [1/s] and quadratic drag [1/m], None where absent.
 
-    blink [s]: time whose acceleration makes no speed that counts.
+    blink [s]: time whose acceleration makes no speed that counts; grip [-]: share of the friction
+    of contact that acts, 0 where it jams.
     """
 
     gravity: tuple
@@ -54,6 +53,13 @@ class Forces(NamedTuple):
     linear: Optional[float]
     quadratic: Optional[float]
     blink: float
+    grip: float = 1.0
+
+
+@inlined
+def smooth(forces):
+    """Return the forces without the friction of contact."""
+    return Forces(forces.gravity, forces.wind, forces.linear, forces.quadratic, forces.blink, 0.0)
 
 
 @inlined
@@ -75,44 +81,6 @@ def pull(forces, v):
     """Give the acceleration [m/s^2] by gravity and drag at a velocity [m/s]."""
     u = subtract(v, forces.wind)
     return _quadratic_drag(forces.quadratic, u, _linear_drag(forces.linear, u, forces.gravity))
-
-
-@kernel
-def touched(rules, here, table, poses, courses, t, x, v, count):
-    """
-    Give the surface that a particle touches without leaving it, `count` of them skipped.
-
-    Returns
-    -------
-    surface : int
-        NONE if there are no more.
-    v_n : float [m/s]
-        Normal velocity, 0 if it is only rounding.
-
-    """
-    for c in range(table.shape[0]):
-        side = table[c, SIDE]
-        for face in range(faces(table, c, side)):
-            gap, _, n = gap_to(rules, here, table, poses, courses, c, face, side, here.radius, t,
-                               x)
-            if gap > touching_depth(table, poses, here, c, x):
-                continue
-            obj = material_velocity(courses, poses, here, c, t, x)
-            rounding = ROUNDING * (largest(v) + largest(obj))
-            v_n = dot(subtract(v, obj), n)
-            if v_n > rounding:
-                continue
-            if count == 0:
-                beside = 0
-                if v_n < -rounding:
-                    beside = face_beside(rules, here, table, poses, courses, c, here.radius, t, x,
-                                         subtract(v, obj), touching_depth(table, poses, here, c,
-                                                                          x), rounding)
-                if beside > 0:
-                    return FACES * c + beside, 0.0
-                return FACES * c + face, (v_n if v_n < -rounding else 0.0)
-            count -= 1
-    return NONE, 0.0
 
 
 @inlined
@@ -142,57 +110,17 @@ def opening(rules, here, table, poses, courses, s, t, x, v, n):
 
 
 @inlined
-def _friction(dry, wet, table, c, w, along, n):
+def _friction(dry, wet, grip, table, c, w, along, n):
     """Give the force of a surface for N = 1: normal, and friction against w or a first slip."""
     d = n
     if wet is not None:
-        d = add_scaled(d, -table[c, WET], w)
+        d = add_scaled(d, -grip * table[c, WET], w)
     if dry is not None:
         slip = along if dot(along, along) > 0.0 else w
         speed = length(slip)
         if speed > 0.0:
-            d = add_scaled(d, -table[c, KINETIC] / speed, slip)
+            d = add_scaled(d, -grip * table[c, KINETIC] / speed, slip)
     return d
-
-
-@inlined
-def solve(a, b, c, right):
-    """Solve the system with columns a, b, c by Cramer's rule; NaN or infinite if singular."""
-    bc = cross(b, c)
-    size = dot(a, bc)
-    return (dot(right, bc) / size, dot(a, cross(right, c)) / size,
-            dot(a, cross(b, right)) / size)
-
-
-@kernel
-def normal_forces(holds, n0, n1, n2, d0, d1, d2, g0, g1, g2):
-    """
-    Give the normal forces that keep the gaps of up to three surfaces at zero.
-
-    Parameters
-    ----------
-    holds : (3,) tuple of int
-        Surfaces, NONE from the first free seat on.
-    n0, n1, n2 : (3,) tuple of float [-]
-        Normals.
-    d0, d1, d2 : (3,) tuple of float [-]
-        Forces for a normal force of 1.
-    g0, g1, g2 : float [m/s^2]
-        Accelerations of the gaps without these.
-
-    Returns
-    -------
-    forces : (3,) tuple of float [m/s^2]
-
-    """
-    if holds[1] == NONE:
-        return (-g0 / dot(n0, d0), 0.0, 0.0)
-    if holds[2] == NONE:
-        a, b, c, d = dot(n0, d0), dot(n0, d1), dot(n1, d0), dot(n1, d1)
-        size = a * d - b * c
-        return ((b * g1 - d * g0) / size, (c * g0 - a * g1) / size, 0.0)
-    return solve((dot(n0, d0), dot(n1, d0), dot(n2, d0)), (dot(n0, d1), dot(n1, d1), dot(n2, d1)),
-                 (dot(n0, d2), dot(n1, d2), dot(n2, d2)), (-g0, -g1, -g2))
 
 
 @inlined
@@ -225,6 +153,12 @@ def _first_slip(dry, forces, here, table, poses, courses, holds, t, x, v, f, w, 
             if still or (dot(w, push) > 0.0 and length(push) > grip):
                 return push
     return ZERO
+
+
+@inlined
+def pull_slack(forces, a):
+    """Give the normal force [m/s^2] that is only rounding."""
+    return BALANCED * (length(a) + length(forces.gravity))
 
 
 @kernel
@@ -265,32 +199,18 @@ def held(rules, forces, here, table, poses, courses, holds, t, x, v):
     g0, g1, g2 = g0 + dot(n0, f), g1 + dot(n1, f), g2 + dot(n2, f)
     push = _first_slip(rules.dry, forces, here, table, poses, courses, holds, t, x, v, f, w0, n0,
                        n1, n2, g0, g1, g2)
-    d0 = _friction(rules.dry, rules.wet, table, holds[0] // FACES, w0, push, n0)
+    d0 = _friction(rules.dry, rules.wet, forces.grip, table, holds[0] // FACES, w0, push,
+                   n0)
     d1, d2 = n1, n2
     if holds[1] != NONE:
-        d1 = _friction(rules.dry, rules.wet, table, holds[1] // FACES, w1, push, n1)
+        d1 = _friction(rules.dry, rules.wet, forces.grip, table, holds[1] // FACES, w1,
+                       push, n1)
     if holds[2] != NONE:
-        d2 = _friction(rules.dry, rules.wet, table, holds[2] // FACES, w2, push, n2)
+        d2 = _friction(rules.dry, rules.wet, forces.grip, table, holds[2] // FACES, w2,
+                       push, n2)
     normal = normal_forces(holds, n0, n1, n2, d0, d1, d2, g0, g1, g2)
     a = add_scaled(add_scaled(add_scaled(f, normal[0], d0), normal[1], d1), normal[2], d2)
     return a, normal
-
-
-@kernel
-def square_up(n0, n1, n2, holds):
-    """
-    Give directions at right angles, each along the surfaces before it (Gram and Schmidt).
-
-    However acute the corner, a move along the second one does not change the gap to the first. Of
-    two surfaces the third direction is that of their edge; zero where normals are parallel.
-    """
-    d1 = add_scaled(n1, -dot(n0, n1), n0)
-    d1 = add_scaled(d1, -dot(n0, d1), n0)
-    size = length(d1)
-    if holds[1] == NONE or size <= BALANCED:
-        return n0, ZERO, ZERO
-    d1 = (d1[0] / size, d1[1] / size, d1[2] / size)
-    return n0, d1, cross(n0, d1)
 
 
 @kernel
@@ -315,11 +235,6 @@ def _rests_on(rules, table, holds, n0, n1, n2, need):
     elif holds[2] == NONE:
         rest = abs(dot(d2, need))
     return rest <= grip + BALANCED * length(need)
-
-
-@inlined
-def _seats(a, b, c):
-    return (a, b, c)
 
 
 @inlined
@@ -357,16 +272,10 @@ def can_rest(rules, forces, here, table, poses, courses, holds, t, x):
     return _rests_on(rules, table, holds, n0, n1, n2, need)
 
 
-@inlined
-def pull_slack(forces, a):
-    """Give the normal force [m/s^2] that is only rounding."""
-    return BALANCED * (length(a) + length(forces.gravity))
-
-
 @kernel
 def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a, slack):
     """Whether a touched surface that does not hold opens by more than slack at acceleration a."""
-    if other == NONE or other == holds[0] or other == holds[1] or other == holds[2]:
+    if other == holds[0] or other == holds[1] or other == holds[2]:
         return True
     n = normal_at(rules, here, table, poses, courses, other, t, x)
     g, _ = opening(rules, here, table, poses, courses, other, t, x, v, n)
@@ -374,7 +283,7 @@ def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a,
 
 
 @kernel
-def _slides_on(rules, forces, here, table, poses, courses, holds, touch, t, x, v):
+def _slides_on(rules, forces, here, table, poses, courses, holds, met, count, t, x, v):
     """
     Whether sliding on `holds` needs no pull, and the other touched surfaces open.
 
@@ -385,49 +294,74 @@ def _slides_on(rules, forces, here, table, poses, courses, holds, touch, t, x, v
     for k in range(3):
         if holds[k] != NONE and not normal[k] >= -pull_slack(forces, a):
             return False
-    for k in range(3):
-        if not _opens(rules, forces, here, table, poses, courses, holds, touch[k], t, x, v, a,
-                      slack):
+    for k in range(count):
+        if not _opens(rules, forces, here, table, poses, courses, holds, surface_of(met, k), t, x,
+                      v, a, slack):
             return False
     return True
 
 
 @kernel
-def _keeps_still(rules, forces, here, table, poses, courses, holds, touch, t, x, v):
-    """Whether resting on `holds` is possible, and the other touched surfaces let it."""
-    c = holds[0] // FACES
-    for k in range(1, 3):
+def _all_still(forces, courses, poses, here, holds, t, x, v):
+    """Whether a particle hardly moves relative to all surfaces that hold it."""
+    for k in range(3):
         if holds[k] != NONE and not nearly_at_rest(forces, courses, poses, here,
                                                    holds[k] // FACES, t, x, v):
             return False
+    return True
+
+
+@kernel
+def _keeps_still(rules, forces, here, table, poses, courses, holds, met, count, t, x):
+    """Whether resting on `holds` is possible, and the other touched surfaces let it."""
+    c = holds[0] // FACES
     if not can_rest(rules, forces, here, table, poses, courses, holds, t, x):
         return False
+    v = material_velocity(courses, poses, here, c, t, x)
     a = frame_acceleration(courses, poses, here, c, t, x, ZERO)
-    for k in range(3):
-        if not _opens(rules, forces, here, table, poses, courses, holds, touch[k], t, x, v, a,
-                      -1.0):
+    for k in range(1, 3):
+        if holds[k] != NONE and _opens(rules, forces, here, table, poses, courses, NOBODY,
+                                       holds[k], t, x, v, a, 1.0):
+            return False
+    for k in range(count):
+        if not _opens(rules, forces, here, table, poses, courses, holds, surface_of(met, k), t, x,
+                      v, a, -1.0):
             return False
     return True
 
 
-@inlined
-def _choice(touch, k):
-    """Give the k-th choice of the touched surfaces that may hold: singles, pairs, all three."""
-    if k < 3:
-        return _seats(touch[k], NONE, NONE)
-    if k < 6:
-        return _seats(touch[0 if k < 5 else 1], touch[1 if k == 3 else 2], NONE)
-    return touch
+@kernel
+def _slides(rules, forces, here, table, poses, courses, met, count, t, x, v):
+    """Return the first choice of surfaces on which a particle can slide, or NOBODY."""
+    choice = first_choice(count)
+    while choice[0] != NONE:
+        holds = surfaces_of(met, choice)
+        if _slides_on(rules, forces, here, table, poses, courses, holds, met, count, t, x, v):
+            return holds
+        choice = next_choice(choice, count)
+    return NOBODY
 
 
 @kernel
-def choose_mode(rules, forces, here, table, poses, courses, released, t, x, v):
+def _bearing(rules, forces, here, table, poses, courses, met, count, t, x, v):
+    """Return the surfaces that bear the forces on a particle, without friction."""
+    f = pull(forces, v)
+    for k in range(count):
+        n = facing(met, k)
+        g, _ = opening(rules, here, table, poses, courses, surface_of(met, k), t, x, v, n)
+        met[k, NEED] = -(g + dot(n, f))
+    _, choice, _ = least_push(met, count)
+    return surfaces_of(met, choice if choice[0] != NONE else first_choice(count))
+
+
+@kernel
+def choose_mode(rules, forces, here, table, poses, courses, met, released, t, x, v):
     """
     How a particle that approaches nothing goes on: it flies, rests or slides, and on what.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses
+    rules, forces, here, table, poses, courses, met
         As in exact.py.
     released : int
         Surface that does not hold it any more, or NONE.
@@ -437,37 +371,34 @@ def choose_mode(rules, forces, here, table, poses, courses, released, t, x, v):
     Returns
     -------
     mode : int
-        FLIES, RESTS or SLIDES.
+        FLIES, RESTS, SLIDES or GLIDES.
     holds : (3,) tuple of int
-        Surfaces; the first choice, in the order of colliders, that needs no pull.
+        Surfaces; the first choice that needs no pull. There may be none between surfaces that move
+        relative to each other: their friction jams, and for this path it is left out. Where even
+        that leaves none, by rounding, those that bear the forces.
 
     """
-    touch, seat = NOBODY, 0
-    for count in range(4):
-        s, _ = touched(rules, here, table, poses, courses, t, x, v, count)
-        if s == NONE or seat == 3:
-            break
-        if s != released:
-            touch = (s if seat == 0 else touch[0], s if seat == 1 else touch[1],
-                     s if seat == 2 else touch[2])
-            seat += 1
-    if seat == 0 or _slides_on(rules, forces, here, table, poses, courses, NOBODY, touch, t, x, v):
+    count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, False)
+    count = leave_out(met, count, released)
+    if count == 0 or _slides_on(rules, forces, here, table, poses, courses, NOBODY, met, count, t,
+                                x, v):
         return FLIES, NOBODY
-    for k in range(7):
-        holds = _choice(touch, k)
-        if holds[0] == NONE or (k > 2 and holds[1] == NONE) or (k == 6 and holds[2] == NONE):
-            continue
-        if nearly_at_rest(forces, courses, poses, here, holds[0] // FACES, t, x, v) \
-                and _keeps_still(rules, forces, here, table, poses, courses, holds, touch, t, x,
-                                 v):
+    choice = first_choice(count)
+    while choice[0] != NONE:
+        holds = surfaces_of(met, choice)
+        if _all_still(forces, courses, poses, here, holds, t, x, v) and _keeps_still(
+                rules, forces, here, table, poses, courses, holds, met, count, t, x):
             return RESTS, holds
-    for k in range(7):
-        holds = _choice(touch, k)
-        if holds[0] == NONE or (k > 2 and holds[1] == NONE) or (k == 6 and holds[2] == NONE):
-            continue
-        if _slides_on(rules, forces, here, table, poses, courses, holds, touch, t, x, v):
-            return SLIDES, holds
-    return RESTS, touch
+        choice = next_choice(choice, count)
+    holds = _slides(rules, forces, here, table, poses, courses, met, count, t, x, v)
+    if holds[0] != NONE:
+        return SLIDES, holds
+    holds = _slides(rules, smooth(forces), here, table, poses, courses, met, count, t, x, v)
+    if holds[0] == NONE:
+        holds = _bearing(rules, forces, here, table, poses, courses, met, count, t, x, v)
+        if _all_still(forces, courses, poses, here, holds, t, x, v):
+            return RESTS, holds
+    return GLIDES, holds
 
 
 @inlined

@@ -24,12 +24,14 @@ its own; a Crew is for one that comes again and again: its helpers stay in compi
 jobs, where they need not wait for the interpreter lock.
 """
 
+from functools import partial
 import os
 from queue import SimpleQueue
 from threading import Thread
 import time
 import traceback
 
+from collision_sim.core.interrupts import held
 from collision_sim.core.jit import bound, entry, inlined
 from numba import config, types
 from numba.core import cgutils
@@ -149,12 +151,30 @@ def share(function, threads, *args):
         threads = 1
     _call_helpers(threads - 1)
     for _ in range(1, threads):
-        _jobs.put((function, counters, args))
-    function(_posted, counters, *args)
+        _jobs.put((partial(_help_with, function), counters, args))
+    try:
+        function(_posted, counters, *args)
+    except BaseException:           # it has not begun: an interrupt while it was compiled
+        counters[FAILED] = 1
+        raise
     while threads > 1 and not _watch_the_last(counters, LOOKS):
         if counters[FAILED]:
             raise RuntimeError('a helper thread failed; its traceback is above')
         time.sleep(NAP)
+
+
+def _help_with(function, posted, counters, *args):
+    """Take a share of a job once its caller has begun, if ever."""
+    while not counters[ENTERED]:
+        if counters[FAILED]:
+            return
+        time.sleep(NAP)
+    function(posted, counters, *args)
+
+
+def prepare(function, *args):
+    """Compile what `share` will call with arguments of these types, if need be."""
+    bound(function, _posted, np.zeros(SHARED, dtype=np.int64), *args)
 
 
 @inlined
@@ -238,6 +258,10 @@ class Crew:
         self._counters = np.zeros(SHARED, dtype=np.int64)
         self._recruited, self._generation = 0, _generation
 
+    def prepare(self):
+        """Compile the function, if need be."""
+        bound(self._function, self._job, 0, 0, 0, 0, *self._args)
+
     def run(self, threads, pieces, first, second):
         """
         Do a job.
@@ -254,11 +278,8 @@ class Crew:
         if self._recruited < helpers or self._generation != _generation:
             self._recruit(helpers)
         if not self._function(self._job, pieces, first, second, LOOKS, *self._args):
-            try:
+            with held():                    # what helpers have begun is finished first
                 self._wait(pieces)
-            except KeyboardInterrupt:       # what helpers have begun is finished first
-                self._wait(pieces)
-                raise
 
     def _recruit(self, count):
         """See to it that so many helpers attend, none without the compiler or from a parent."""

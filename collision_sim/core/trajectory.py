@@ -215,6 +215,40 @@ def _hits_mesh(meshes, table, poses, row, c, radius, arm, move, axis, angle):
 
 
 @inlined
+def touching_distance(table, poses, row, c, radius, x0):
+    """Distance [m] at which a particle touches a collider, of the order of rounding."""
+    return TOUCHING * (largest(x0) + largest(origin(poses, row, c)) + table[c, SIZE] + radius)
+
+
+@kernel
+def only_grazes(present, table, poses, motion, step, row, c, radius, x0, dx, tau):
+    """
+    Whether a particle that hits an edge or a cap at time tau comes no deeper than touching it.
+
+    It goes level over flush tiles then, or along a row of rods. From outside the distance is
+    convex along a straight way. For a collider that turns, and for other shapes, it is no.
+    """
+    kind = table[c, KIND]
+    if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER and kind != CAPSULE):
+        return False
+    move, axis, angle = relative_motion(motion, step, c, dx)
+    touching, arm = touching_distance(table, poses, row, c, radius, x0), subtract(
+        x0, origin(poses, row, c))
+    early, late = tau, 1.0
+    f, slope, _ = path_distance(present, table, poses, row, c, radius, arm, move, axis, angle, 1.0)
+    if angle > 0.0 or f < -touching:
+        return False
+    while slope > 0.0 and late - early > EPSILON:
+        middle = 0.5 * (early + late)
+        f, rise, _ = path_distance(present, table, poses, row, c, radius, arm, move, axis, angle,
+                                   middle)
+        if f < -touching:
+            return False
+        early, late = (early, middle) if rise > 0.0 else (middle, late)
+    return True
+
+
+@inlined
 def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
     """
     First time at which a particle on its path hits a collider that it starts outside of.
@@ -253,7 +287,7 @@ def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
                                  angle)
     if is_mesh:
         return tau, n, add_scaled(arm, tau, move), True
-    touching = TOUCHING * (largest(x0) + largest(origin(poses, row, c)) + table[c, SIZE] + radius)
+    touching = touching_distance(table, poses, row, c, radius, x0)
     if table[c, SIDE] > 0.0:
         tau, n, decided = _from_outside(present, table, poses, row, c, radius, arm, move, axis,
                                         angle, reach, touching)

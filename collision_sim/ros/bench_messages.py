@@ -16,7 +16,7 @@
 Measures what messages cost on this machine: large ones going out, many poses coming in.
 
     python -m collision_sim.ros.bench_messages
-    FASTRTPS_DEFAULT_PROFILES_FILE=... python -m collision_sim.ros.bench_messages --count 100000
+    FASTDDS_BUILTIN_TRANSPORTS=DEFAULT python -m collision_sim.ros.bench_messages --count 100000
 
 Publishes PoseArrays to a raw subscriber in another process, and says how long a message takes to
 lay out and to publish, how many came and how late. Then it moves colliders of a node in another
@@ -34,8 +34,8 @@ import sys
 import tempfile
 import time
 
+from collision_sim.ros import fast_dds
 from collision_sim.ros.messages import ENCAPSULATION, PoseArrayWriter, SECOND
-from collision_sim.ros.node import ASYNCHRONOUS
 from geometry_msgs.msg import PoseArray, PoseStamped
 import numpy as np
 import rclpy
@@ -170,7 +170,7 @@ def main():
     if arguments.receive:
         receive()
         return
-    os.environ.setdefault(*ASYNCHRONOUS)
+    fast_dds.prepare()
     rclpy.init()
     node = rclpy.create_node('bench_messages')
     for count in arguments.count:

@@ -14,8 +14,10 @@
 
 """What the node says about itself on /diagnostics, once a second, as long as somebody listens."""
 
+from collections import Counter
 import time
 
+from collision_sim.ros import fast_dds
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
@@ -48,6 +50,8 @@ class Diagnostics:
     outputs : Outputs
     refused : Counter
         Values from topics that were refused, by parameter.
+    events : Counter
+        What the middleware has told, by topic and what has happened.
 
     Attributes
     ----------
@@ -57,15 +61,20 @@ class Diagnostics:
         Per step, and per message of all topics together.
     slow, paused : bool
         Whether steps were left out for lack of time; whether none are asked for.
+    compiling : str
+        Which kernels there are not yet, and what that means; '' as a rule.
+    largest : int
+        Bytes of the largest message so far.
 
     """
 
-    def __init__(self, name, simulation, poses, outputs, refused):
+    def __init__(self, name, simulation, poses, outputs, refused, events=Counter()):
         """Begin the first interval when somebody listens."""
-        self.paused = False
+        self.paused, self.compiling, self.largest = False, '', 0
         self._name = name
         self._simulation, self._poses, self._outputs = simulation, poses, outputs
-        self._refused = refused
+        self._refused, self._events = refused, events
+        self._trouble = fast_dds.trouble()
         self.rest()
 
     def rest(self):
@@ -76,11 +85,12 @@ class Diagnostics:
     def begin(self):
         """Begin an interval that a report is about."""
         self._counters, self._drops = self._simulation.counters, self._poses.dropped.total()
-        self._refusals = self._refused.total()
+        self._refusals, self._told = self._refused.total(), self._events.copy()
         self._clear()
 
     def _clear(self):
         self.steps, self.step_times, self.publish_times = 0, [], []
+        self._sent, self._gaps = None, []
         self.slow = False
         self._since = time.monotonic()
 
@@ -102,15 +112,22 @@ class Diagnostics:
         statuses = None
         if self._counters is not None:
             statuses = [self._pace(), self._physics()]
-            if self._poses.topics or self._refused:
+            if self._poses.topics or self._refused or self._events:
                 statuses.append(self._inputs(now))
         self.begin()
         return statuses and DiagnosticArray(status=statuses)
 
+    def note_message(self, start, end):
+        """Note when the messages of a tick began and ended to go out [s]."""
+        if self._sent is not None:
+            self._gaps.append(start - self._sent)
+        self._sent = start
+        self.publish_times.append(end - start)
+
     def preparing(self):
-        """Give the message while the kernels are being compiled: what they measure is left out."""
+        """Give the message before the first kernels are ready: what they measure is left out."""
         return DiagnosticArray(status=[_status(
-            self._name + ': pace', [(WARN, 'compiling the kernels, nothing moves yet')],
+            self._name + ': pace', [(WARN, self.compiling)],
             {'particles': len(self._simulation.position)})])
 
     def _pace(self):
@@ -124,10 +141,16 @@ class Diagnostics:
             'real-time factor': factor,
             **_spread('step time', self.step_times),
             **_spread('publish time', self.publish_times),
+            **({'longest gap between messages [ms]': 1e3 * max(self._gaps)} if self._gaps else {}),
             'particles': len(simulation.position),
             'particles in a PoseArray': self._outputs.messages.shown,
         }
         findings = []
+        if self.compiling:
+            findings.append((WARN, self.compiling))
+        if self._trouble and self.largest > fast_dds.LARGE:
+            findings.append((WARN, 'messages of %.1f MB may get lost: %s' % (
+                1e-6 * self.largest, self._trouble)))
         if self.slow:
             findings.append((ERROR if factor < SLOWEST else WARN, 'too slow for the clock'))
         return _status(self._name + ': pace', findings, values,
@@ -168,11 +191,14 @@ class Diagnostics:
         if self._refused.total() > self._refusals:
             findings.append((WARN, '%d values refused' % (
                 self._refused.total() - self._refusals)))
+        for (topic, what), count in (self._events - self._told).items():
+            findings.append((WARN, '%s: %d %s' % (topic, count, what)))
         values = {
             'dropped': dropped.total(),
             'stale': ' '.join(stale),
             **{'dropped %s: %s' % key: count for key, count in sorted(dropped.items())},
             **{'refused %s' % key: count for key, count in sorted(self._refused.items())},
+            **{'%s: %s' % key: count for key, count in sorted(self._events.items())},
         }
         return _status(self._name + ': inputs', findings, values)
 

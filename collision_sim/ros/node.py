@@ -20,19 +20,21 @@ seconds of the clock that the steps are in step with (clocks.py).
 """
 
 from math import ceil
-import os
 import sys
 import time
 
+from collision_sim.ros import fast_dds
+from collision_sim.ros.advice import advice
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
+from collision_sim.ros.kernels import Kernels
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import (declare_fixed, declare_values, LiveParameters,
                                           warn_of_unknown)
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
-from collision_sim.ros.warm_up import warm_up
+from collision_sim.scene import is_of_a_part
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
@@ -45,12 +47,12 @@ SLOWEST_TICKS = 30.0    # Hz; slower messages go out every second, third, ... ti
 LONGEST_TICK = 0.05     # s of computing in one tick; what does not fit is left out
 WARN_PERIOD = 5.0       # s
 WAITING = 0.02          # s between two looks whether the kernels are ready
-# Publishing does not wait until the copies for other processes are made.
-ASYNCHRONOUS = 'RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS'
 
 
 class CollisionSimNode(SturdyNode):
     """Steps a scene as the clock asks for, between poses and parameters in and messages out."""
+
+    _live = None            # LiveParameters, once all are declared
 
     def __init__(self, **options):
         """
@@ -70,23 +72,41 @@ class CollisionSimNode(SturdyNode):
         self._outputs = Outputs(self, self._simulation, self._poses.frame_id)
         self._diagnostic = self.create_publisher(DiagnosticArray, '/diagnostics', 5)
         self._create_services()
-        self._live = LiveParameters(self, self._simulation, self._change)
         warn_of_unknown(self)
-        self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
-                                        self._poses, self._outputs, self._live.refused)
-        self._start_ticking()
         self._prepare()
+        self._live = LiveParameters(self, self._simulation.scene, self._adopt, self._change)
+        self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
+                                        self._poses, self._outputs, self._live.refused,
+                                        self.events.counts)
+        self._start_ticking()
 
     # --- start -----------------------------------------------------------------------------
 
     def _load_simulation(self):
         scene, name, publish_clock, start = declare_fixed(self)
         scene = declare_values(self, scene)
-        self._simulation = Simulation(scene, ledger=self.get_parameter('ledger').value)
-        self._time = PublishedClock(self, self._simulation) if publish_clock \
+        self._stepped = Simulation(scene, ledger=self.get_parameter('ledger').value)
+        self._time = PublishedClock(self, self._stepped) if publish_clock \
             else FollowedClock(self, start)
         self.get_logger().info('scene %s: %d particles, %d colliders' % (
-            name, len(self._simulation.position), len(scene.colliders)))
+            name, len(self._stepped.position), len(scene.colliders)))
+
+    @property
+    def _simulation(self):
+        """The simulation, with all values that have come and that it has kernels for."""
+        self._take_values()
+        return self._stepped
+
+    def set_each(self, parameters):
+        """As that of SturdyNode, what is of the whole scene before what may follow it."""
+        order = sorted(range(len(parameters)), key=lambda k: is_of_a_part(parameters[k].name))
+        results = dict(zip(order, self._live.set_each([parameters[k] for k in order])))
+        return [results[k] for k in range(len(parameters))]
+
+    def get_parameter(self, name):
+        """As that of rclpy, with all values that have come."""
+        self._take_values()
+        return super().get_parameter(name)
 
     def destroy_node(self):
         """Close what the node has opened."""
@@ -108,45 +128,74 @@ class CollisionSimNode(SturdyNode):
         self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
 
     def _prepare(self):
-        """Begin to compile the kernels; until the first are ready the node is as in a pause."""
-        self.get_logger().info(
-            'preparing the kernels; the first time they are compiled, which takes a while')
-        self._first = self._simulation.record_contacts = self._outputs.contacts_wanted
-        self._kernels = warm_up(
-            self._simulation.scene, self._simulation.ledger is not None, self._first)
-        self._waiting = self.create_timer(
-            WAITING, self._begin_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        """Begin to prepare the kernels; until the first are ready the node is as in a pause."""
+        self._stepped.record_contacts = self._outputs.contacts_wanted
+        self._kernels = Kernels(self._stepped.scene, self._stepped.ledger is not None,
+                                self._stepped.record_contacts)
+        self._waiting = None        # timer while some are not ready
+        self._await_kernels()
+
+    def _await_kernels(self):
+        """See to it that somebody looks whether the kernels are ready."""
+        if self._waiting is None:
+            self._told = False      # that they are compiled
+            self._waiting = self.create_timer(WAITING, self._look_at_kernels, clock=Clock(
+                clock_type=ClockType.STEADY_TIME))      # also while a simulated clock stands
 
     @property
     def preparing(self):
         """Whether there are no kernels yet to step with."""
-        return not self._kernels[self._first].done()
+        return not self._kernels.start.ready
 
     @property
     def failure(self):
         """What kept kernels from being ready, an exception; None as a rule."""
-        failures = [each.exception() for each in self._kernels.values() if each.done()]
-        return next(filter(None, failures), None)
+        return self._kernels.failure
 
     def wait_until_ready(self):
         """Do not serve but wait until all kernels are ready; raises what kept them from it."""
-        for kernels in self._kernels.values():
-            kernels.result()
-        self._begin_when_ready()
+        self._take_values()
+        self._kernels.wait()
+        self._look_at_kernels()
 
-    def _begin_when_ready(self):
-        if self.preparing:
-            return
-        if all(kernels.done() for kernels in self._kernels.values()):
+    def _look_at_kernels(self):
+        """Say that they are compiled, where they are; begin when they are ready."""
+        if self._kernels.compiles and not self._told:
+            self._told = True
+            self.get_logger().info(
+                'compiling the kernels%s, which takes a while; they are kept for the next time'
+                % (self._values_in_words() or ' of the scene'))
+        if self._kernels.all_done and self._waiting is not None:
             self.destroy_timer(self._waiting)
+            self._waiting = None
         if self.failure is not None:
             self.context.try_shutdown()     # which ends spinning
-        elif not self._ready:
+        elif not self.preparing and not self._ready:
             self._begin()
+
+    # --- changes of the scene --------------------------------------------------------------
+
+    def _take_values(self):
+        """Let the simulation have what has come; give names of parameters that have to wait."""
+        return self._live.adopt() if self._live is not None else []
+
+    def _values_in_words(self):
+        """Say for which parameters there are no kernels yet."""
+        names = self._take_values()
+        return ' for the new value of ' + ', '.join(names) if names else ''
+
+    def _adopt(self, scene):
+        """Take steps of a scene with other values if there are kernels for it, else make them."""
+        ready = self._kernels.adopt(scene, self._stepped.record_contacts)
+        if ready:
+            self._stepped._adopt(scene)
+        if not self._kernels.all_done:
+            self._await_kernels()
+        return ready
 
     def _begin(self):
         """Let time go on from here."""
-        self._seconds_a_step, self._ready = self._kernels[self._first].result(), True
+        self._seconds_a_step, self._ready = self._kernels.start.seconds_a_step, True
         self._time.begin()
         if not self._paused:
             self._poses.release(self._time.now())
@@ -156,14 +205,10 @@ class CollisionSimNode(SturdyNode):
         log = self.get_logger()
         log.info('%s publishes %s' % (
             self.get_fully_qualified_name(), ', '.join(self._outputs.topics)))
-        log.info('parameters: %s/set/..., or ros2 param set %s' % (
-            self.get_fully_qualified_name(), self.get_fully_qualified_name()))
-        for name, topic in self._poses.topics.items():
-            x, y, z = self._simulation.scene.collider(name).position
-            log.info('to move %s: ros2 run collision_sim swing_paddle --ros-args -p topic:=%s, or '
-                     'ros2 topic pub -r 30 %s geometry_msgs/msg/PoseStamped "{header: {frame_id: '
-                     '%s}, pose: {position: {x: %g, y: %g, z: %g}}}"'
-                     % (name, topic, topic, self._poses.frame_id, x, y, z))
+        for line in advice(self.get_fully_qualified_name(), self._poses.frame_id, {
+                name: (topic, self._simulation.scene.collider(name).position)
+                for name, topic in self._poses.topics.items()}):
+            log.info(line)
 
     # --- time ------------------------------------------------------------------------------
 
@@ -182,7 +227,8 @@ class CollisionSimNode(SturdyNode):
         if self._ticks % self._ticks_a_message == 0:
             start = time.perf_counter()
             self._outputs.publish(self._time.stamp())
-            self._diagnostics.publish_times.append(time.perf_counter() - start)
+            self._diagnostics.note_message(start, time.perf_counter())
+            self._diagnostics.largest = self._outputs.largest
 
     def _begin_again(self, jump):
         """Take no steps for a jump of the clock; poses from before it mean nothing any more."""
@@ -229,15 +275,15 @@ class CollisionSimNode(SturdyNode):
 
     def _use_kernels(self, contacts):
         """Record contacts or not, if the kernels for it are ready; gives whether they are."""
-        ready = self._kernels[contacts].done()
-        if ready:
-            self._simulation.record_contacts = contacts
+        ready = self._kernels.ready(contacts)
+        self._stepped.record_contacts = contacts if ready else not contacts
         return ready
 
     # --- out -------------------------------------------------------------------------------
 
     def _report(self):
         self._poses.take_arrived()      # there are no ticks while a simulated clock stands
+        self._diagnostics.compiling = self._being_compiled()
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
@@ -246,6 +292,18 @@ class CollisionSimNode(SturdyNode):
         if message is not None:
             message.header.stamp = self.get_clock().now().to_msg()
             self._diagnostic.publish(message)
+
+    def _being_compiled(self):
+        """Say which kernels there are not yet, '' if they are all there."""
+        verb = 'compiling' if self._kernels.compiles else 'loading or compiling'
+        if not self._ready:
+            return verb + ' the kernels, nothing moves yet'
+        values = self._values_in_words()
+        if values:
+            return verb + ' the kernels%s; the value before it holds until then' % values
+        if self._outputs.contacts_wanted and not self._kernels.ready(True):
+            return verb + ' the kernels that record contacts; none are shown until then'
+        return ''
 
     def _warn_of_namesakes(self):
         """Say once that another node has the same name: both would answer."""
@@ -300,7 +358,7 @@ class CollisionSimNode(SturdyNode):
     def _step(self, request, response):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
         wanted = self._outputs.contacts_wanted
-        if not (self._ready and self._use_kernels(wanted)):
+        if self._take_values() or not (self._ready and self._use_kernels(wanted)):
             return _answer(response, False, 'the kernels are still being compiled')
         if not self._paused:
             return _answer(response, False, 'only while paused')
@@ -332,7 +390,8 @@ def run(args, stopped):
     args : list of str or None
         As of the command line.
     stopped : list
-        Filled by somebody else, such as a signal handler.
+        Filled by somebody else, such as a signal handler. While the scene is being loaded signals
+        end that instead.
 
     Returns
     -------
@@ -342,7 +401,7 @@ def run(args, stopped):
     """
     status, node = 0, None
     try:
-        os.environ.setdefault(*ASYNCHRONOUS)
+        fast_dds.prepare()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionSimNode()
         spin(node, stopped)
@@ -351,6 +410,8 @@ def run(args, stopped):
     except (ParameterException, RuntimeError, ValueError) as error:
         print('collision_sim_node: %s' % error, file=sys.stderr)
         status = 1
+    except KeyboardInterrupt:       # while the scene was being loaded
+        pass
     if node is not None:
         node.destroy_node()
     rclpy.try_shutdown()

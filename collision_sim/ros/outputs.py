@@ -40,12 +40,15 @@ class Outputs:
     ----------
     messages : StateMessages
         What is published.
+    largest : int
+        Bytes of the largest message so far.
 
     """
 
     def __init__(self, node, simulation, frame_id):
         """Create the publishers, and publish the colliders for those who come later."""
         self._count = len(simulation.position)
+        self.largest = 0        # bytes of a message so far
         self._page = _page(node, simulation)
         self._logger = node.get_logger()
         overriding = {'qos_overriding_options': QoSOverridingOptions.with_default_policies()}
@@ -107,7 +110,10 @@ class Outputs:
                                   (self._cloud, messages.cloud),
                                   (self._contacts, messages.contacts)):
             if publisher.get_subscription_count():
-                publisher.publish(layout(*stamp))
+                message = layout(*stamp)
+                publisher.publish(message)
+                content = message if isinstance(message, bytes) else getattr(message, 'data', b'')
+                self.largest = max(self.largest, len(content))
         if messages.colliders_move and self._colliders.get_subscription_count():
             self._colliders.publish(messages.colliders(*stamp))
         messages.forget_contacts()

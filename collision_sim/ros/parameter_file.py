@@ -23,14 +23,15 @@ import json
 import sys
 from textwrap import wrap
 
-from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS, LARGEST
+from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS
 from collision_sim.ros.parameters import NODE_PARAMETERS, ros_value
 from collision_sim.scene import load_scene, SceneError
 
 HEAD = """\
 # All parameters of collision_sim_node and what they are when nobody sets them, with the scene %s.
-# Start from a copy: lines may be left out. A collider without a line of its own takes the value
-# of the whole scene. Written by: python3 -m collision_sim.ros.parameter_file %s
+# Start from a copy: lines may be left out. What is commented out takes the value of the whole
+# scene, and follows it when that changes.
+# Written by: python3 -m collision_sim.ros.parameter_file %s
 /**:
   ros__parameters:
 """
@@ -47,25 +48,26 @@ def parameter_file(name):
 
     """
     fixed = FIXED_PARAMETERS | {'scene': FIXED_PARAMETERS['scene']._replace(value=name)}
+    scene = load_scene(name)
     entries = [_entry(*item, read_only=True) for item in fixed.items()]
-    entries += [_entry(*item, read_only=False)
-                for item in (NODE_PARAMETERS | load_scene(name).parameters()).items()]
+    entries += [_entry(*item, read_only=False, follows=scene.follows(item[0]))
+                for item in (NODE_PARAMETERS | scene.parameters()).items()]
     return HEAD % (name, name) + '\n'.join(entries)
 
 
-def _entry(name, parameter, read_only):
+def _entry(name, parameter, read_only, follows=False):
     """Give the lines of a parameter: meaning, unit, range and value."""
     notes = '; '.join(_notes(descriptor(parameter, read_only)))
     comment = ''.join(f'    # {line}\n' for line in wrap(notes, 90, break_on_hyphens=False))
-    return f'{comment}    {name}: {json.dumps(ros_value(parameter.value))}\n'
+    mark = '# ' if follows else ''
+    return f'{comment}    {mark}{name}: {json.dumps(ros_value(parameter.value))}\n'
 
 
 def _notes(described):
     """Say what a descriptor says."""
     yield described.description
     for limits in (*described.floating_point_range, *described.integer_range):
-        unbounded = limits.to_value in LARGEST.values()
-        yield f'{limits.from_value:g} ' + ('or more' if unbounded else f'to {limits.to_value:g}')
+        yield f'{limits.from_value:g} to {limits.to_value:g}'
     if described.additional_constraints:
         yield described.additional_constraints
     if described.read_only:

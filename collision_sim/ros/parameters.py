@@ -16,20 +16,24 @@
 ROS parameters <-> scene values, and the topics that set parameters.
 
 Every value of the scene that may change while it runs is a parameter under its path in the scene.
-A new value is checked by the scene when it is asked for (on_set) and applied when it is accepted
-(post_set). One executor thread runs both and the ticks, so that applying falls between two steps.
+A new value is checked by the scene when it is asked for (on_set) and kept when it is accepted
+(post_set). All that came since the last tick the simulation adopts at once, between two steps.
 """
 
 from collections import Counter
 from functools import partial
-import sys
+import warnings
 
+from collision_sim.checks import Number, SceneWarning, Text
 from collision_sim.particles import read_shard
 from collision_sim.ros.rare_warnings import RareWarnings
+from collision_sim.ros.start import interruptible
+from collision_sim.ros.values import as_asked
 from collision_sim.scene import load_scene, Parameter, SceneError
 from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
 import rclpy.parameter
 from std_msgs.msg import Bool, Float64, String
 
@@ -58,7 +62,8 @@ NODE_PARAMETERS = {
                                                    'its last twist before it stands still'),
 }
 TOPIC_TYPES = {bool: Bool, int: Float64, float: Float64, str: String, tuple: Vector3}
-LARGEST = {int: 2 ** 63 - 1, float: sys.float_info.max}
+FRAME = Text(r'[^\x00-\x1f\x7f]{1,255}', 'must be 1 to 255 characters on one line')
+ACCEPTED = SetParametersResult(successful=True)
 
 
 def descriptor(parameter, read_only=False):
@@ -70,14 +75,13 @@ def descriptor(parameter, read_only=False):
         result.description += ' [%s]' % (unit or '-')
     if type(value) is tuple:
         result.additional_constraints = 'three finite numbers'
-    elif type(value) in LARGEST and (low, high) != (None, None):
-        kind = type(value)
-        bounds = {'from_value': -LARGEST[kind] if low is None else kind(low),
-                  'to_value': LARGEST[kind] if high is None else kind(high)}
-        if kind is int:
-            result.integer_range = [IntegerRange(**bounds)]
-        else:
-            result.floating_point_range = [FloatingPointRange(**bounds)]
+    elif None not in (low, high) and type(value) is int:
+        result.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    elif None not in (low, high) and type(value) is float:
+        result.floating_point_range = [FloatingPointRange(
+            from_value=float(low), to_value=float(high))]
+    elif low is not None:       # a range that ends nowhere is no use to a slider
+        result.additional_constraints = '%g or more' % low
     return result
 
 
@@ -115,10 +119,20 @@ def declare_fixed(node):
         _check_clock(node.get_parameter('use_sim_time').value)
         if start:
             raise SceneError('start_time', start, 'must be 0 with publish_clock')
-    scene = load_scene(name)
+    scene = _loaded(node, name)
     if shard:
         scene, name = scene.shard(*read_shard(shard)), '%s, shard %s' % (name, shard)
     return scene, name, publish_clock, start
+
+
+def _loaded(node, name):
+    """Load a scene; log what is warned of, and let a signal end it."""
+    with warnings.catch_warnings(record=True) as found, interruptible():
+        warnings.simplefilter('always', SceneWarning)
+        scene = load_scene(name)
+    for warning in found:
+        node.get_logger().warning(str(warning.message))
+    return scene
 
 
 def declare_values(node, scene):
@@ -138,7 +152,7 @@ def declare_values(node, scene):
     """
     for name, parameter in NODE_PARAMETERS.items():
         node.declare_parameter(name, parameter.value, descriptor(parameter))
-    _check_frame(node.get_parameter('frame_id').value)
+    FRAME.read(node.get_parameter('frame_id').value, 'frame_id')
     together = []       # what holds only with values that are still to come
     for path in scene.parameters():
         parameter = scene.parameters()[path]
@@ -163,11 +177,6 @@ def _same(value, other):
     return list(value) == list(other) if isinstance(other, list) else value == other
 
 
-def _check_frame(frame_id):
-    if not frame_id:
-        raise SceneError('frame_id', frame_id, 'must not be empty')
-
-
 def _check_clock(use_sim_time):
     if use_sim_time:
         raise SceneError('use_sim_time', True, 'must be false with publish_clock: a node cannot '
@@ -180,27 +189,143 @@ class LiveParameters:
 
     Parameters
     ----------
-    node : rclpy.node.Node
+    node : SturdyNode
         All parameters are declared.
-    simulation : Simulation
+    scene : Scene
+        With the values that they have.
+    adopt : callable
+        Called with a Scene that the simulation is to have; gives whether it has it now. If not,
+        it is called again.
     node_changed : callable
         Called with name and value after a parameter of the node itself has changed.
 
     """
 
-    def __init__(self, node, simulation, node_changed):
+    def __init__(self, node, scene, adopt, node_changed):
         """Subscribe to the parameter topics and take part in every change of a parameter."""
         self._node = node
-        self._simulation = simulation
-        self._node_changed = node_changed
+        self._adopt, self._node_changed = adopt, node_changed
         self._warn = RareWarnings(node)
         self.refused = Counter()    # values from topics, by name
         self._publishes_clock = node.get_parameter('publish_clock').value
-        self._following = False     # parameters are being set to what the simulation has already
+        self._known = scene.parameters().keys()
+        self._live = NODE_PARAMETERS.keys() | self._known
+        self._scene = self._shown = self._adopted = scene   # accepted; as ROS has it; in steps
+        self._arrived = {}          # parameters from topics, by name, that wait for the next tick,
+        self._ahead = scene         # and the scene with their values
+        self._setting = False       # parameters are being set to what has been checked
         node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+        node.add_post_set_parameters_callback(self._accept)
         self.topics = [self._subscribe(name, parameter.value) for name, parameter
-                       in (NODE_PARAMETERS | simulation.scene.parameters()).items()]
+                       in (NODE_PARAMETERS | scene.parameters()).items()]
+
+    # --- changes ---------------------------------------------------------------------------
+
+    def adopt(self):
+        """
+        Let the simulation have all that has come.
+
+        Returns
+        -------
+        waiting : list of str
+            Names of the parameters whose values it cannot have yet.
+
+        """
+        self._take_arrived()
+        self._follow()
+        if self._adopted is not self._scene and self._adopt(self._scene):
+            self._adopted = self._scene
+        if self._adopted is self._scene:
+            return []
+        before = self._adopted.parameters()
+        return [name for name, parameter in self._scene.parameters().items()
+                if parameter.value != before[name].value]
+
+    def set_each(self, parameters):
+        """
+        Set parameters in their order, those that can be, with a single adoption and event.
+
+        Parameters
+        ----------
+        parameters : list of rclpy.parameter.Parameter
+            As they were asked for.
+
+        Returns
+        -------
+        results : list of rcl_interfaces.msg.SetParametersResult
+
+        """
+        self._take_arrived()
+        results, accepted, scene = [], {}, self._scene
+        for parameter in parameters:
+            try:
+                if parameter.name not in self._live:
+                    results.append(self._node.set_parameters_atomically([parameter]))
+                    continue
+                parameter = as_asked(self._node, parameter)
+                scene = self._checked(scene, [parameter])
+                accepted[parameter.name] = parameter
+                results.append(ACCEPTED)
+            except Exception as error:
+                results.append(SetParametersResult(successful=False, reason=str(error)))
+        self._set(list(accepted.values()), scene)
+        return results
+
+    def _set(self, parameters, scene):
+        """Set what has been checked, and what scene that makes."""
+        if not parameters:
+            return
+        self._setting, self._scene = True, scene
+        try:
+            self._node.set_parameters_atomically(parameters)
+        finally:
+            self._setting = False
+
+    def _check(self, parameters):
+        """Accept the values together or refuse them with the reason; never raise."""
+        if not self._setting:
+            self._take_arrived()        # which came before
+            try:
+                self._checked(self._scene, parameters)
+            except Exception as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return ACCEPTED
+
+    def _checked(self, scene, parameters):
+        """Give a scene with values, or raise the SceneError of one that is not allowed."""
+        changes = []
+        for name, value in ((parameter.name, parameter.value) for parameter in parameters):
+            if name == 'frame_id':
+                FRAME.read(value, name)
+            elif name in NODE_PARAMETERS:
+                default, unit, low, high, meaning = NODE_PARAMETERS[name]
+                Number(unit, meaning, low, high, whole=type(default) is int).read(value, name)
+            elif name == 'use_sim_time' and self._publishes_clock:
+                _check_clock(value)
+            elif name in self._known:
+                changes.append((name, value))
+        return scene.with_parameters(changes)
+
+    def _accept(self, parameters):
+        if not self._setting:
+            self._scene = self._checked(self._scene, parameters)
+        for parameter in parameters:
+            if parameter.name in NODE_PARAMETERS:
+                self._node_changed(parameter.name, parameter.value)
+
+    def _follow(self):
+        """Show what else has changed: the colliders that take a default of the scene."""
+        if self._shown is self._scene:
+            return
+        self._shown = self._scene
+        changed = [
+            rclpy.parameter.Parameter(path, value=ros_value(parameter.value))
+            for path, parameter in self._scene.parameters().items()
+            if self._node.has_parameter(path)
+            and not _same(Node.get_parameter(self._node, path).value, ros_value(parameter.value))]
+        self._set(changed, self._scene)
+
+    # --- topics ----------------------------------------------------------------------------
 
     def _subscribe(self, name, value):
         kind = type(value)
@@ -210,7 +335,7 @@ class LiveParameters:
         return subscription.topic_name
 
     def _take(self, name, kind, message):
-        """Set a parameter from a topic, by the same way as the services."""
+        """Check a value, and keep it for the next tick."""
         if kind is tuple:
             value = [message.x, message.y, message.z]
         elif kind is int and message.data.is_integer():
@@ -218,55 +343,15 @@ class LiveParameters:
         else:
             value = message.data
         try:
-            result = self._node.set_parameters([rclpy.parameter.Parameter(name, value=value)])[0]
-            refusal = '' if result.successful else result.reason
+            parameter = as_asked(self._node, rclpy.parameter.Parameter(name, value=value))
+            self._ahead = self._checked(self._ahead if self._arrived else self._scene, [parameter])
+            self._arrived[name] = parameter
         except Exception as error:
-            refusal = str(error)
-        if refusal:
             self.refused[name] += 1
-            self._warn(name, '%s refused: %s (%d so far)' % (name, refusal, self.refused[name]))
+            self._warn(name, '%s refused: %s (%d so far)' % (name, error, self.refused[name]))
 
-    def _check(self, parameters):
-        """Accept the values together or refuse them with the reason; never raise."""
-        try:
-            for parameter in parameters:
-                if not self._node.has_parameter(parameter.name):
-                    raise SceneError(parameter.name, parameter.value, 'no such parameter')
-                if parameter.name == 'frame_id':
-                    _check_frame(parameter.value)
-                elif parameter.name == 'use_sim_time' and self._publishes_clock:
-                    _check_clock(parameter.value)
-            self._simulation.scene.with_parameters(self._changes(parameters))
-        except Exception as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _changes(self, parameters):
-        """Paths and values of those parameters that are values of the scene."""
-        known = self._simulation.scene.parameters()
-        return [(parameter.name, parameter.value) for parameter in parameters
-                if parameter.name in known]
-
-    def _apply(self, parameters):
-        if self._following:
-            return
-        changes = self._changes(parameters)
-        if changes:
-            self._simulation.set_parameters(changes)
-        for parameter in parameters:
-            if parameter.name in NODE_PARAMETERS:
-                self._node_changed(parameter.name, parameter.value)
-        self._follow()
-
-    def _follow(self):
-        """Show what else has changed: the colliders that take a default of the scene."""
-        changed = [
-            rclpy.parameter.Parameter(path, value=ros_value(parameter.value))
-            for path, parameter in self._simulation.scene.parameters().items()
-            if self._node.has_parameter(path)
-            and not _same(self._node.get_parameter(path).value, ros_value(parameter.value))]
-        self._following = True
-        try:
-            self._node.set_parameters(changed)
-        finally:
-            self._following = False
+    def _take_arrived(self):
+        """Set the parameters that came from topics, each to the last value of its own."""
+        if self._arrived:
+            arrived, self._arrived = list(self._arrived.values()), {}
+            self._set(arrived, self._ahead)

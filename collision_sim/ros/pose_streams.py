@@ -26,10 +26,12 @@ from collision_sim.core.held_pose import HeldPose
 from collision_sim.core.pose_play import KEPT
 from collision_sim.core.pose_stream import PoseError
 from collision_sim.core.pose_table import add_poses, new_curves, play_curves, streams_of
+from collision_sim.ros.arrivals import Arrivals
 from collision_sim.ros.messages import read_pose, read_poses, SECOND
 import numpy as np
 
 AHEAD = 1.0     # s; a stamp further in the future is wrong
+LONGEST_FRAME = 60      # characters of a frame that are shown
 
 
 class PoseStreams:
@@ -62,6 +64,7 @@ class PoseStreams:
         self._seconds = seconds
         self._curves = new_curves(len(self.topics))
         self._streams = dict(zip(self.topics, streams_of(self._curves)))
+        self._arrivals = [Arrivals() for _ in self.topics]
         self._held = {}         # HeldPose by collider while time stands still
 
     def set_times(self, delay, timeout):
@@ -83,6 +86,8 @@ class PoseStreams:
         """Drop all poses: their stamps are those of another time."""
         for stream in self._streams.values():
             stream.reset()
+        for arrivals in self._arrivals:
+            arrivals.forget()
         for held in self._held.values():
             held.forget_stamp()
 
@@ -103,7 +108,7 @@ class PoseStreams:
         pose : tuple
             As a messages.PoseStamped.
         now : int [ns]
-            Time on the clock; a zero stamp means this.
+            Time on the clock; a zero stamp means this, up to jitter (arrivals.py).
 
         Raises
         ------
@@ -115,11 +120,14 @@ class PoseStreams:
         stream = self._streams[name]
         try:
             if frame_id != self.frame_id:
-                raise PoseError('frame', f'frame_id is {frame_id!r} instead of {self.frame_id!r}')
+                raise PoseError('frame', f'frame_id is {frame_id[:LONGEST_FRAME]!r} instead of '
+                                         f'{self.frame_id!r}')
             stamp = self._stamp(seconds, nanoseconds)
             if self._held:
                 self._held[name].add(stamp, position, orientation)
             else:
+                if stamp is None:
+                    stamp = self._arrivals[list(self.topics).index(name)].sent(self._seconds(now))
                 stamp = _checked_time(stamp, self._seconds(now), stream)
                 stream.add(stamp, position, orientation)
         except PoseError as error:
@@ -176,7 +184,10 @@ class PoseStreams:
             return None
         seconds, nanoseconds, poses = taken_apart
         stamps = seconds * SECOND + nanoseconds
+        unstamped = np.flatnonzero(stamps == 0)
         stamps = self._seconds(np.where(stamps == 0, times, stamps))
+        for k in unstamped:
+            stamps[k] = self._arrivals[which[k]].sent(stamps.item(k))
         stamps[nanoseconds >= SECOND] = nan
         now, bounds = self._seconds(times), self._bounds
         periods = np.stack([now - bounds.delay - bounds.timeout, now + AHEAD], axis=1)

@@ -14,8 +14,12 @@
 
 """Every request gets an answer, also one that the node cannot make sense of."""
 
+from collision_sim.checks import SceneError
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+LISTS = 'parameters', 'names', 'prefixes'       # fields of requests
 
 
 def error_text(error):
@@ -23,7 +27,7 @@ def error_text(error):
     return '%s: %s' % (type(error).__name__, error)
 
 
-def answering(kind, callback, log_error):
+def answering(kind, callback, log_error, most, set_each):
     """
     Give a callback of a service that answers where another one raises; a caller waits no longer.
 
@@ -35,30 +39,51 @@ def answering(kind, callback, log_error):
         Takes request and response, and gives the response.
     log_error : callable
         Takes the text of what was raised.
+    most : callable
+        Gives how many values or names a request may have.
+    set_each : callable
+        Sets parameters one by one, and gives what became of each.
 
     """
+    def refuse(reason, count=1):
+        log_error(reason)
+        return _refusal(kind, reason, count)
+
     def answer(request, response):
         try:
             return callback(request, response)
+        except SceneError as error:
+            return _refusal(kind, str(error))
         except Exception as error:
-            reason = error_text(error)
-            log_error(reason)
-            return _refusal(kind, reason)
+            return refuse(error_text(error))
 
     def answer_each(request, response):
-        for parameter in request.parameters:
-            one = answer(kind.Request(parameters=[parameter]), kind.Response())
-            response.results.extend(one.results)
+        results, readable = {}, {}
+        for k, message in enumerate(request.parameters):
+            try:
+                readable[k] = Parameter.from_parameter_msg(message)
+            except Exception as error:
+                results[k], = refuse(error_text(error)).results
+        results |= zip(readable, set_each(list(readable.values())))
+        response.results = [results[k] for k in range(len(request.parameters))]
         return response
 
-    return answer_each if kind is SetParameters else answer
+    def answer_few(request, response):
+        count = max((len(getattr(request, name, ())) for name in LISTS))
+        if count > most():
+            return refuse('%d in one request, at most %d are taken' % (count, most()), count)
+        return answer(request, response)
+
+    if kind is SetParameters:
+        callback = answer_each
+    return answer_few
 
 
-def _refusal(kind, reason):
+def _refusal(kind, reason, count=1):
     """Response that says why; an empty one where it has no field for that."""
     response, refused = kind.Response(), SetParametersResult(successful=False, reason=reason)
     if kind is SetParameters:
-        response.results = [refused]
+        response.results = count * [refused]
     elif kind is SetParametersAtomically:
         response.result = refused
     elif hasattr(response, 'success'):

@@ -17,11 +17,16 @@
 from functools import wraps
 import signal
 
+from collision_sim.ros.events import Events
 from collision_sim.ros.services import answering, error_text
 from collision_sim.ros.start import STOP
+from collision_sim.ros.values import as_asked, as_declared
+from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+
+MOST_VALUES = 1000      # in one request, or as many as there are parameters
 
 
 class SturdyNode(Node):
@@ -35,7 +40,18 @@ class SturdyNode(Node):
     def __init__(self, *arguments, **options):
         """As that of rclpy."""
         self._polled = set()
+        self.events = None      # there are none of what rclpy itself creates
         super().__init__(*arguments, **options)
+        self.events = Events(self)
+        self.add_pre_set_parameters_callback(
+            lambda parameters: [as_asked(self, parameter) for parameter in parameters])
+
+    def declare_parameter(self, name, value=None, descriptor=None, ignore_override=False):
+        """As that of rclpy; also takes whole numbers where others are declared."""
+        given = self._parameter_overrides.get(name)
+        if given is not None:
+            self._parameter_overrides[name] = as_declared(given, value)
+        return super().declare_parameter(name, value, descriptor, ignore_override)
 
     @property
     def subscriptions(self):
@@ -48,13 +64,24 @@ class SturdyNode(Node):
 
         For small messages that come often: to be woken by each costs more than it takes to read.
         """
-        subscription = super().create_subscription(
+        subscription = self.create_subscription(
             msg_type, topic, lambda message: None, *arguments, **options)
         self._polled.add(subscription)
         return subscription
 
+    def create_publisher(self, msg_type, topic, *arguments, **options):
+        """As that of rclpy."""
+        if self.events:
+            options.setdefault('event_callbacks',
+                               self.events.of_publisher(self.resolve_topic_name(topic)))
+        return super().create_publisher(msg_type, topic, *arguments, **options)
+
     def create_subscription(self, msg_type, topic, callback, *arguments, **options):
         """As that of rclpy."""
+        if self.events:
+            options.setdefault('event_callbacks',
+                               self.events.of_subscription(self.resolve_topic_name(topic)))
+
         @wraps(callback)
         def guarded(*message):
             try:
@@ -66,7 +93,22 @@ class SturdyNode(Node):
     def create_service(self, srv_type, srv_name, callback, **options):
         """As that of rclpy, which also creates those of the parameters by it; always answers."""
         return super().create_service(
-            srv_type, srv_name, answering(srv_type, callback, self.log_error), **options)
+            srv_type, srv_name, answering(
+                srv_type, callback, self.log_error, self._most_values, self.set_each),
+            **options)
+
+    def set_each(self, parameters):
+        """Set parameters one by one; gives a SetParametersResult for each, and never raises."""
+        return [self._set_one(parameter) for parameter in parameters]
+
+    def _set_one(self, parameter):
+        try:
+            return self.set_parameters_atomically([parameter])
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=str(error))
+
+    def _most_values(self):
+        return max(MOST_VALUES, len(self._parameters))
 
     def log_error(self, text):
         """Log what was raised, from time to time."""

@@ -18,11 +18,47 @@ Starts and ends the node.
 Apart from the node, so that signals are taken care of before anything is imported that takes long.
 """
 
+from contextlib import contextmanager
 import os
 import signal
 import sys
+import threading
 
+from collision_sim.ros.own_arguments import read_own_arguments
+
+HELP = """\
+Steps a scene in time with the clock: poses of colliders and values of parameters in, particles,
+contacts and diagnostics out.
+
+Some parameters: scene (path of a YAML file, or a shipped one such as demo or rain), frame_id,
+publish_rate, viewer (true: a page in the browser), and every value of the scene that may change:
+  collision_sim_node --ros-args -p scene:=rain -p restitution:=0.9
+All of them, with what they mean: python3 -m collision_sim.ros.parameter_file SCENE"""
 STOP = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def interruptible():
+    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt meanwhile, in the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in STOP}
+
+    def restore():
+        for number in STOP:
+            signal.signal(number, before[number])
+
+    def interrupt(number, frame):
+        restore()
+        raise KeyboardInterrupt
+
+    try:
+        for number in STOP:
+            signal.signal(number, interrupt)
+        yield
+    finally:
+        restore()
 
 
 def main(args=None):
@@ -31,6 +67,7 @@ def main(args=None):
     for number in STOP:
         signal.signal(number, lambda received, frame: stopped.append(received))
     try:
+        read_own_arguments('collision_sim_node', HELP, args)
         from collision_sim.ros.node import run
         status = 0 if stopped else run(args, stopped)
         _leave_the_compiler(status)

@@ -19,12 +19,20 @@ import signal
 import sys
 
 from collision_sim.ros.messages import SECOND
+from collision_sim.ros.own_arguments import read_own_arguments
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import STOP
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 import rclpy
 from rclpy.exceptions import ParameterException
+
+
+HELP = """\
+Publishes stamped poses that swing along x, such as the paddle of the demo needs.
+
+Parameters: amplitude [m], period [s], rate [Hz], centre [x, y, z] [m], topic, frame_id:
+  swing_paddle --ros-args -p topic:=paddle/pose -p amplitude:=0.3"""
 
 
 def _descriptor(description, low=None, high=None):
@@ -73,6 +81,7 @@ class SwingPaddle(SturdyNode):
 
 def main(args=None):
     """Run until SIGINT or SIGTERM; the exit status is 1 when a parameter is refused."""
+    read_own_arguments('swing_paddle', HELP, args)
     # rclpy's own handler shuts the context down and then calls this one instead of Python's, whose
     # KeyboardInterrupt would break into the shutdown when Ctrl-C is pressed twice.
     signals = []

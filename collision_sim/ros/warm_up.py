@@ -15,9 +15,10 @@
 """
 Compiles what the steps of a scene need, beside whatever else goes on; no ROS.
 
-A thread compiles the first steps. As soon as that turns out to take long, a process that runs this
-module compiles the rest on another core, and hands it over by Numba's cache on disk: in a process
-Numba compiles one thing at a time, and whoever looks up a kernel waits for it.
+At the start a thread compiles the first steps, and as soon as that turns out to take long, a
+process that runs this module compiles the rest on another core. While the steps of another variant
+go on, all is left to the process. It hands over by Numba's cache on disk: in a process Numba
+compiles one thing at a time, and whoever looks up a kernel waits for it.
 """
 
 from concurrent.futures import Future
@@ -30,14 +31,24 @@ import time
 from collision_sim.core.pose_table import prepare
 from collision_sim.processes import start
 from collision_sim.simulation import Simulation
+from collision_sim.tables import acting_forces, collider_table, step_rules
+from numba import typeof
+from numba.core import event
 
 NAME = 'warm_up'        # of the threads
 LONG = 1.0              # s; to load takes a quarter of it, to compile many times as long
 
 
-def warm_up(scene, ledger, contacts):
+def variant(scene):
+    """Give what of a scene decides which kernels take its steps; compares and hashes."""
+    exact = scene.stepping.method == 'exact'
+    return (typeof(step_rules(scene, collider_table(scene), None)),
+            typeof(acting_forces(scene)) if exact else None)
+
+
+class WarmUp:
     """
-    Compile the kernels of a scene in a thread of its own, or load them.
+    Compiles the kernels of a scene in a thread of its own, or loads them.
 
     Those that record contacts are others than those that do not; what is needed first comes first.
 
@@ -49,17 +60,78 @@ def warm_up(scene, ledger, contacts):
         Whether accounts of energy are kept.
     contacts : bool
         Which are needed first.
+    beside : bool
+        Whether steps go on meanwhile, which compiling in this process would slow down.
 
-    Returns
-    -------
+    Attributes
+    ----------
+    first : bool
+        Which are needed first.
     seconds : dict of concurrent.futures.Future of float [s]
         By whether contacts are recorded: duration of a step, once its kernels are ready; or what
         was raised.
+    compiles : bool
+        Whether anything had to be compiled so far, here or in the process.
 
     """
-    seconds = {contacts: Future(), not contacts: Future()}
-    threading.Thread(target=_work, args=(scene, ledger, seconds), name=NAME, daemon=True).start()
-    return seconds
+
+    def __init__(self, scene, ledger, contacts, beside=False):
+        """Start the thread."""
+        self.first, self.compiles = contacts, False
+        self.seconds = {contacts: Future(), not contacts: Future()}
+        work = _work_beside if beside else _work
+        threading.Thread(target=work, args=(self, scene, ledger), name=NAME, daemon=True).start()
+
+    @property
+    def ready(self):
+        """Whether those that are needed first are there, or cannot be."""
+        return self.seconds[self.first].done()
+
+    @property
+    def seconds_a_step(self):
+        """Duration of a step with those that are needed first [s]; raises what was raised."""
+        return self.seconds[self.first].result()
+
+    @property
+    def done(self):
+        """Whether nothing more will come."""
+        return all(future.done() for future in self.seconds.values())
+
+    @property
+    def failure(self):
+        """What was raised, an exception; None as a rule."""
+        failures = [each.exception() for each in self.seconds.values() if each.done()]
+        return next(filter(None, failures), None)
+
+    def fulfil(self, contacts, work):
+        """Do some work for those kernels, noting whether it compiles anything."""
+        try:
+            with event.install_listener('numba:compile', _Notice(self._note)):
+                self.seconds[contacts].set_result(work())
+        except BaseException as error:
+            self.seconds[contacts].set_exception(error)
+
+    def _note(self):
+        self.compiles = True
+
+
+class _Notice(event.Listener):
+    """Calls something whenever this thread begins to compile."""
+
+    def __init__(self, call):
+        self._call, self._thread = call, threading.get_ident()
+
+    def on_start(self, event):
+        """Call it."""
+        if threading.get_ident() == self._thread:
+            self._call()
+
+    def on_end(self, event):
+        """Do nothing."""
+
+
+class _HasToCompileError(Exception):
+    """What is asked for is not in Numba's cache."""
 
 
 def at_work():
@@ -67,9 +139,9 @@ def at_work():
     return any(thread.name == NAME for thread in threading.enumerate())
 
 
-def _work(scene, ledger, seconds):
-    """Fulfil the futures of warm_up."""
-    first, second = seconds
+def _work(warm_up, scene, ledger):
+    """Fulfil the futures of a WarmUp, helped by a process for the second."""
+    first, second = warm_up.seconds
     helpers = []
     call = threading.Timer(LONG, lambda: helpers.append(start_helper(scene, ledger, second)))
     call.start()
@@ -88,13 +160,33 @@ def _work(scene, ledger, seconds):
         _wait_for(helpers)
         return _step(scene, ledger, second)
 
-    for contacts, work in ((first, begin), (second, go_on)):
-        try:
-            seconds[contacts].set_result(work())
-        except BaseException as error:
-            seconds[contacts].set_exception(error)
+    warm_up.fulfil(first, begin)
+    warm_up.fulfil(second, go_on)
     for helper in helpers:
         helper.communicate()
+
+
+def _work_beside(warm_up, scene, ledger):
+    """Fulfil the futures of a WarmUp by what a process compiles, unless all is there already."""
+    for contacts in warm_up.seconds:
+        warm_up.fulfil(contacts, lambda contacts=contacts: _load(warm_up, scene, ledger, contacts))
+
+
+def _load(warm_up, scene, ledger, contacts):
+    """Take steps with kernels from the cache, where another process has put them if need be."""
+    def refuse():
+        raise _HasToCompileError
+
+    try:
+        with event.install_listener('numba:compile', _Notice(refuse)):
+            return _step(scene, ledger, contacts)
+    except _HasToCompileError:
+        warm_up.compiles = True
+    helper = start_helper(scene, ledger, contacts)
+    for _ in ('poses', 'steps'):
+        _wait_for([helper])
+    helper.communicate()
+    return _step(scene, ledger, contacts)
 
 
 def _step(scene, ledger, contacts):

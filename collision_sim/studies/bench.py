@@ -25,10 +25,12 @@ from pathlib import Path
 import sys
 from tempfile import TemporaryDirectory
 
+from collision_sim.listener import heard
 from collision_sim.studies import bench_features, bench_machine, bench_peers
 from collision_sim.studies.bench_report import Report
 from collision_sim.studies.bench_tables import write_csv
 from collision_sim.studies.bench_works import WORKS
+from collision_sim.studies.drafts import write_text
 from tqdm import tqdm
 
 DESCRIPTION = """\
@@ -51,7 +53,7 @@ SIZES, QUICK_SIZES = (10 ** 3, 10 ** 4, 10 ** 5, 10 ** 6), (10 ** 3, 10 ** 4)
 REPEATS, QUICK_REPEATS = 7, 2
 FEATURES, QUICK_FEATURES = 10 ** 5, 5000    # particles of the scene of features
 MEMORY = 10 ** 6, 2 * 10 ** 6               # particles; the memory of one is the difference
-FAILED, INTERRUPTED = 1, 130
+FAILED = 1
 
 
 def whole(text):
@@ -131,7 +133,7 @@ def write(folder, report):
     for name, rows in (('bench.csv', report.rows), ('features.csv', report.features)):
         if rows:
             write_csv(folder / name, rows)
-    (folder / 'bench.md').write_text(report.text() + '\n')
+    write_text(folder / 'bench.md', report.text() + '\n')
 
 
 def run(arguments):
@@ -144,7 +146,7 @@ def run(arguments):
             measure(arguments, report, Path(folder))
         except KeyboardInterrupt:
             print('interrupted; showing what is done', file=sys.stderr)
-            code = INTERRUPTED
+            code = heard()
     print(report.text())
     if arguments.out:
         write(arguments.out, report)

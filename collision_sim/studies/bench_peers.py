@@ -129,8 +129,13 @@ class Process:
         """Wait for an answer, but not for ever."""
         timer = Timer(PATIENCE, self._process.kill)
         timer.start()
-        line = self._process.stdout.readline()
-        timer.cancel()
+        try:
+            line = self._process.stdout.readline()
+        except KeyboardInterrupt:
+            self._process.kill()
+            raise
+        finally:
+            timer.cancel()
         return json.loads(line) if line else {'refused': 'it ended without an answer'}
 
     def turn(self):

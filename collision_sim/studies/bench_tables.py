@@ -16,6 +16,8 @@
 
 import csv
 
+from collision_sim.studies.drafts import draft_of
+
 
 def aligned(head, lines):
     """
@@ -51,7 +53,7 @@ def size(count):
 
 def write_csv(path, rows):
     """Write named tuples of one kind, at least one, under the names of their entries."""
-    with open(path, 'w', newline='') as file:
+    with draft_of(path) as draft, open(draft, 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(rows[0]._fields)
         writer.writerows(rows)

@@ -108,4 +108,4 @@ def draw(path, case, rows):
                     title_fontsize=7.5)
     panels[0].set_ylabel('error of the position, RMS [m]')
     figure.suptitle(case.title)
-    figure.savefig(path)
+    figure.savefig(path, format='png')

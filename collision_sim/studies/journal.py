@@ -27,6 +27,9 @@ from pathlib import Path
 import sys
 
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held
+from collision_sim.input_files import check_ordinary
+from collision_sim.studies.drafts import write_whole
 import numpy as np
 
 RESTART = '--restart begins anew, another --out leaves it'
@@ -87,7 +90,9 @@ class Journal:
 
     def __init__(self, path, word, restart=False):
         self.path, self.rows = Path(path), {}
-        self._file = open(self.path, 'a+b')
+        if self.path.exists():
+            check_ordinary(self.path)
+        self._file = open(self.path, 'a+b', buffering=0)
         try:
             self._lock()
             self._file.seek(0)
@@ -107,7 +112,8 @@ class Journal:
     def add(self, index, row):
         """Keep the outcome of a run, on disk before this returns."""
         line = json.dumps([index, row])
-        self._write(line.encode() + b'\n')
+        with held():
+            write_whole(self._file, line.encode() + b'\n')
         self.rows[index] = json.loads(line)[1]      # the same whether it is read later or not
 
     def leave(self, runs):
@@ -128,10 +134,6 @@ class Journal:
         except OSError:
             raise SceneError('--out', str(self.path),
                              'must not be in use; another sweep is writing it') from None
-
-    def _write(self, line):
-        self._file.write(line)
-        self._file.flush()
 
     def _read(self, word):
         """Read what is there; a line that was torn, and all after it, is done again."""
@@ -154,4 +156,4 @@ class Journal:
             self._file.truncate(good)
         else:
             self._file.truncate(0)
-            self._write(head)
+            write_whole(self._file, head)

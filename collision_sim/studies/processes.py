@@ -26,6 +26,8 @@ import os
 import signal
 from threading import Thread
 
+from collision_sim.core.interrupts import held
+
 CONTEXT = multiprocessing.get_context('spawn')
 ATTEMPTS = 3            # at a run whose process dies
 
@@ -82,7 +84,8 @@ class Pool:
     """
 
     def __init__(self, count):
-        self._idle = [Worker() for _ in range(count)]
+        with held():            # one that is interrupted as it starts says so
+            self._idle = [Worker() for _ in range(count)]
         self._busy = {}                 # by pipe: worker, call, which attempt at it
 
     def __enter__(self):

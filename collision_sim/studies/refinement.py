@@ -15,8 +15,11 @@
 """The refinement of dt behind the report and the advice: all ways to step a case, over many dt."""
 
 import csv
+from io import StringIO
 from typing import NamedTuple
 
+from collision_sim.core.interrupts import held
+from collision_sim.studies.drafts import draft_of, write_whole
 from collision_sim.studies.errors import Answer, measure, Row, settings
 from collision_sim.studies.warming import compile_kernels, refusal
 import numpy as np
@@ -54,22 +57,36 @@ QUICK = Extent(128, geometric(7, 250, 5), 3)
 
 
 class Table:
-    """Measurements, each written to a file at once where there is one."""
+    """
+    Measurements, each written to a file at once where there is one.
+
+    The file takes the place of another one as soon as it has a head, and has whole rows only.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        Of the file.
+
+    """
 
     def __init__(self, path=None):
-        self.rows, self.refusals = [], {}
-        self._file = open(path, 'w', newline='') if path else None
-        self._write(Row._fields)
+        self.rows, self.refusals, self._file = [], {}, None
+        if path:
+            with draft_of(path) as draft:
+                self._file = open(draft, 'wb', buffering=0)
+                self._write(Row._fields)
 
     def _write(self, cells):
         if self._file:
-            csv.writer(self._file, lineterminator='\n').writerow(cells)
-            self._file.flush()
+            line = StringIO()
+            csv.writer(line, lineterminator='\n').writerow(cells)
+            write_whole(self._file, line.getvalue().encode())
 
     def add(self, row):
         """Keep a measurement."""
-        self.rows.append(row)
-        self._write(row)
+        with held():
+            self.rows.append(row)
+            self._write(row)
 
 
 def steps_of(setting, extent):

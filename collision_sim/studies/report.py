@@ -21,9 +21,11 @@ Writes errors.csv, a figure for each scene and summary.md.
 from pathlib import Path
 import sys
 
+from collision_sim.listener import heard
 from collision_sim.scene import load_scene, shipped_scenes
 from collision_sim.studies import figures
 from collision_sim.studies.cases import all_cases
+from collision_sim.studies.drafts import draft_of, write_text
 from collision_sim.studies.own_scene import own_case
 from collision_sim.studies.refinement import FULL, QUICK, refine, Table
 from collision_sim.studies.run import seconds
@@ -39,7 +41,6 @@ examples:
   collision_sim report --quick                  # 2 minutes
   collision_sim report --out report             # 20 minutes
   collision_sim report my.yaml --duration 2 --out my_report"""
-INTERRUPTED = 130
 
 
 def add_arguments(parser):
@@ -61,8 +62,9 @@ def write(folder, cases, table):
     done = [case for case in cases if any(row.scene == case.name for row in table.rows)]
     for case in done:
         rows = [row for row in table.rows if row.scene == case.name]
-        figures.draw(folder / f'{case.name}.png', case, rows)
-    (folder / 'summary.md').write_text(summary(done, table))
+        with draft_of(folder / f'{case.name}.png') as draft:
+            figures.draw(draft, case, rows)
+    write_text(folder / 'summary.md', summary(done, table))
 
 
 def run(arguments):
@@ -82,7 +84,7 @@ def run(arguments):
         refine(cases, extent, table)
     except KeyboardInterrupt:
         print('interrupted; writing what is done', file=sys.stderr)
-        code = INTERRUPTED
+        code = heard()
     write(arguments.out, cases, table)
     print(f'{len(table.rows)} measurements: {arguments.out / "summary.md"}')
     return code

@@ -15,26 +15,26 @@
 """`collision_sim run`: run a scene, say what happened, and record it."""
 
 import argparse
-from contextlib import closing, contextmanager, ExitStack
+from contextlib import ExitStack
+from functools import partial
 import math
 import os
-import signal
 from time import perf_counter
 
 from collision_sim.checks import SceneError
+from collision_sim.core.interrupts import held
 from collision_sim.core.pose_stream import PoseStream
+from collision_sim.listener import heard
 from collision_sim.particles import read_shard
 from collision_sim.recording import MESSAGES, Recording, Replay, require_rosbags
 from collision_sim.scene import load_scene, shipped_scenes
-from collision_sim.simulation import Simulation
+from collision_sim.simulation import MOST_STEPS, Simulation
 from collision_sim.studies.states import FORMATS, StatesCsv, StatesNpz, write_state
 from tqdm import tqdm
 
 DURATION = 5.0          # s
-PARTS = 200             # of a run: how often the progress bar moves, and Ctrl-C is heard
+PARTS = 200             # of a run: how often the progress bar moves
 ROUNDING = 1e-6         # of a step
-STOP = (signal.SIGINT, signal.SIGTERM)
-KILLED = 128            # exit code of what a signal has ended, less the number of the signal
 EPILOG = """\
 examples:
   collision_sim run demo --duration 10
@@ -129,18 +129,6 @@ def add_arguments(parser):
                                          '(default %(default)s)')
 
 
-@contextmanager
-def stop_signals():
-    """Give a list that fills with the signals of STOP; after the first, others do nothing."""
-    received = []
-    before = {one: signal.signal(one, lambda came, frame: received.append(came)) for one in STOP}
-    try:
-        yield received
-    finally:
-        for one, handler in before.items():     # once more Ctrl-C must not break the exit
-            signal.signal(one, signal.SIG_IGN if received else handler)
-
-
 class Periodic:
     """
     Something that is done at the start of a run and then once a period, after whole steps.
@@ -160,7 +148,7 @@ class Periodic:
     """
 
     def __init__(self, action, period):
-        self._action, self._period = action, period
+        self._action, self._period = action, max(period, 1.0)
         self._count = self.due = 0
 
     def do(self):
@@ -171,36 +159,60 @@ class Periodic:
         self.due = int(self._count * self._period + ROUNDING)
 
 
-def go(total, periodic, step, received):
-    """Take steps with a progress bar until all are taken or a signal comes; the run time [s]."""
-    done, part, began = 0, max(total // PARTS, 1), perf_counter()
+def do_what_is_due(periodic, done):
+    """Do what is due after so many steps, whole whatever comes."""
+    with held():
+        for one in periodic:
+            if one.due == done:
+                one.do()
+
+
+def go(total, periodic, step):
+    """Take steps with a progress bar."""
+    done, part = 0, max(total // PARTS, 1)
     with tqdm(total=total, unit='step', leave=False, disable=None) as bar:
-        while True:
-            for one in periodic:
-                if one.due == done:
-                    one.do()
-            if received or done == total:
-                return perf_counter() - began
+        while done < total:
+            do_what_is_due(periodic, done)
             count = min(total, done + part, *(one.due for one in periodic)) - done
             step(count)
             bar.update(count)
             done += count
 
 
+def steps_in(duration, dt, every):
+    """Give how many steps a run takes, with states once in so many seconds, if not None."""
+    if dt == 0.0:
+        return 0
+    if not duration <= MOST_STEPS * dt:
+        raise SceneError('--duration', duration, f'must be at most {MOST_STEPS * dt:g} s, '
+                                                 f'{MOST_STEPS} steps of {dt:g} s')
+    if every and every < dt * (1.0 - ROUNDING):
+        raise SceneError('--every', every, f'must be at least a step, {dt:g} s')
+    return round(duration / dt)
+
+
+def steps_of(sim):
+    """Give the steps that have been taken."""
+    return round(sim.time / sim.dt) if sim.dt > 0.0 else 0
+
+
 def stepper(sim, replay, add_contacts):
     """Give what takes a number of steps, with recorded poses or contacts if there are any."""
+    def with_contacts():
+        sim.step()
+        add_contacts(sim.contacts)
+
     def one_by_one(count):
         for _ in range(count):
-            sim.step()
-            add_contacts(sim.contacts)
-    if replay:
-        return lambda count: replay.step(sim, count, add_contacts)
-    return one_by_one if add_contacts else sim.step
+            with held():
+                one()
+    one = partial(replay.step, sim, 1, add_contacts) if replay else with_contacts
+    return one_by_one if replay or add_contacts else sim.step
 
 
 def outcome(sim, before, spent, replay):
     """Give lines about a run: time, speed, energy, counters, and poses of a replay."""
-    steps = round(sim.time / sim.dt) if sim.dt > 0.0 else 0
+    steps = steps_of(sim)
     each = spent / max(steps * len(sim.position), 1)
     yield f'particles         {len(sim.position)}'
     yield f'simulated time    {sim.time:.6g} s in {steps} steps of {sim.dt:g} s'
@@ -236,20 +248,26 @@ def open_states(path, sim):
 
 
 def write_over_time(arguments, sim, total, replay):
-    """Take the steps of a run and write its files; the run time [s] and the signals that came."""
-    periodic, add_contacts, dt = [], None, sim.dt or 1.0
-    with stop_signals() as received, ExitStack() as files:
+    """Take the steps of a run and write its files; run time [s] and exit code."""
+    periodic, add_contacts, dt, code = [], None, sim.dt or 1.0, 0
+    with ExitStack() as files:
         if arguments.record:
-            recording = files.enter_context(closing(open_recording(arguments, sim)))
+            recording = files.enter_context(open_recording(arguments, sim))
             periodic.append(Periodic(recording.write, 1.0 / arguments.rate / dt))
             add_contacts = recording.messages.add_contacts if sim.record_contacts else None
         if arguments.every:
-            states = files.enter_context(closing(open_states(arguments.out, sim)))
+            states = files.enter_context(open_states(arguments.out, sim))
             periodic.append(Periodic(states.write, arguments.every / dt))
-        spent = go(total, periodic, stepper(sim, replay, add_contacts), received)
+        began = perf_counter()
+        try:
+            go(total, periodic, stepper(sim, replay, add_contacts))
+        except KeyboardInterrupt:
+            code = heard()
+        do_what_is_due(periodic, steps_of(sim))
+        spent = perf_counter() - began
         if arguments.out and not arguments.every:
             write_state(arguments.out, sim)
-    return spent, received
+    return spent, code
 
 
 def run(arguments):
@@ -260,10 +278,11 @@ def run(arguments):
     replay = open_replay(arguments, scene)
     duration = arguments.duration or (replay.duration if replay else DURATION)
     contacts = bool(arguments.record) and 'contacts' in arguments.topics
-    Simulation(scene, contacts).step(1)             # compiles
+    total = steps_in(duration, scene.stepping.dt, arguments.every)
     sim = Simulation(scene, contacts)
+    sim.step()                          # compiles
+    sim.reset()
     before = sim.energy()
-    total = round(duration / sim.dt) if sim.dt > 0.0 else 0
-    spent, received = write_over_time(arguments, sim, total, replay)
+    spent, code = write_over_time(arguments, sim, total, replay)
     print('\n'.join(outcome(sim, before, spent, replay)))
-    return KILLED + received[0] if received else 0
+    return code

@@ -21,10 +21,8 @@ stability_laws, stability_shapes and stability_motion.
 
 import argparse
 from collections import Counter
-from concurrent.futures import as_completed, ProcessPoolExecutor
 import csv
 from fnmatch import fnmatch
-import multiprocessing
 import os
 import sys
 import time
@@ -32,6 +30,8 @@ from typing import NamedTuple
 
 from collision_sim import scene
 from collision_sim.studies import stability_laws, stability_motion, stability_shapes
+from collision_sim.studies.drafts import draft_of
+from collision_sim.studies.processes import Pool
 from collision_sim.studies.stability_cases import PATIENCE, TooSlow
 from tqdm import tqdm
 
@@ -115,9 +115,11 @@ def judge_parts(parts, jobs):
     if jobs == 1:
         yield from (judge_part(*part) for part in parts)
         return
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn')) as pool:
-        for done in as_completed([pool.submit(judge_part, *part) for part in parts]):
-            yield done.result()
+    with Pool(min(jobs, len(parts))) as pool:
+        for _, rows, reason in pool.each(judge_part, enumerate(parts)):
+            if rows is None:
+                raise RuntimeError(reason)
+            yield rows
 
 
 def measure(cases, methods, jobs):
@@ -178,7 +180,7 @@ def summary(rows, seconds):
 
 def write_csv(path, rows):
     """Write the rows to a file."""
-    with open(path, 'w', newline='') as file:
+    with draft_of(path) as draft, open(draft, 'w', newline='') as file:
         writer = csv.writer(file)
         writer.writerow(Row._fields)
         writer.writerows(rows)
@@ -222,6 +224,8 @@ def run(arguments, cases=None):
         Exit code: 1 if anything failed that was not expected to, 2 if no case fits.
 
     """
+    if arguments.csv and not os.path.isdir(os.path.dirname(arguments.csv) or '.'):
+        raise scene.SceneError('--csv', arguments.csv, 'must be in a folder that exists')
     begin = time.perf_counter()
     chosen = [case for case in cases or all_cases() if fnmatch(case.name, arguments.case)]
     if not chosen:

@@ -42,17 +42,22 @@ class StatesCsv:
     Parameters
     ----------
     path : str
-        Of the file; it is there when the states are closed.
+        Of the file; it is there when the `with` block has ended without error.
     sim : Simulation
 
     """
 
     def __init__(self, path, sim):
-        self._sim, self._stack = sim, ExitStack()
-        draft = self._stack.enter_context(draft_of(path))
-        self._file = self._stack.enter_context(open(draft, 'w'))
-        self._writer = csv.writer(self._file, lineterminator='\n')
-        self._writer.writerow(('time', 'particle', *COLUMNS))
+        self._path, self._sim = path, sim
+
+    def __enter__(self):
+        with ExitStack() as stack:
+            draft = stack.enter_context(draft_of(self._path))
+            file = stack.enter_context(open(draft, 'w'))
+            self._writer = csv.writer(file, lineterminator='\n')
+            self._writer.writerow(('time', 'particle', *COLUMNS))
+            self._stack = stack.pop_all()
+        return self
 
     def write(self):
         """Add the state now."""
@@ -60,21 +65,20 @@ class StatesCsv:
         time = self._sim.time
         self._writer.writerows([time, k, *row] for k, row in enumerate(rows))
 
-    def close(self):
-        """Give the file its name."""
-        self._stack.close()
+    def __exit__(self, *error):
+        return self._stack.__exit__(*error)
 
 
 class StatesNpz:
     """
     Arrays of the states of a simulation over time: time (T,), position and velocity (T, N, 3).
 
-    They are kept in memory until the end.
+    They are kept in memory until the end of the `with` block.
 
     Parameters
     ----------
     path : str
-        Of the file; it is there when the states are closed.
+        Of the file; it is there when the `with` block has ended without error.
     sim : Simulation
 
     """
@@ -83,13 +87,17 @@ class StatesNpz:
         self._path, self._sim = path, sim
         self._times, self._positions, self._velocities = [], [], []
 
+    def __enter__(self):
+        return self
+
     def write(self):
         """Add the state now."""
         self._times.append(self._sim.time)
         self._positions.append(self._sim.position.copy())
         self._velocities.append(self._sim.velocity.copy())
 
-    def close(self):
-        """Write the file."""
-        with draft_of(self._path) as draft, open(draft, 'wb') as file:
-            np.savez(file, time=self._times, position=self._positions, velocity=self._velocities)
+    def __exit__(self, kind, *_):
+        if kind is None:
+            with draft_of(self._path) as draft, open(draft, 'wb') as file:
+                np.savez(file, time=self._times, position=self._positions,
+                         velocity=self._velocities)

@@ -18,6 +18,7 @@ import argparse
 import math
 from time import perf_counter, sleep
 
+from collision_sim.listener import heard
 from collision_sim.scene import load_scene, shipped_scenes
 from collision_sim.simulation import Simulation
 from collision_sim.studies.run import seconds
@@ -146,7 +147,7 @@ def run(arguments):
         while simulation.time + simulation.dt <= arguments.duration:
             player.show(arguments.duration)
     except KeyboardInterrupt:
-        pass
+        heard()
     finally:
         viewer.close()
     return 0

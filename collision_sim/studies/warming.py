@@ -22,6 +22,7 @@ that side by side, each running this module; they hand the result over by Numba'
 import os
 import pickle
 import sys
+from threading import Thread
 
 from collision_sim.checks import SceneError
 from collision_sim.processes import start
@@ -65,13 +66,6 @@ def refusal(scene, setting):
     return ''
 
 
-def _worker(jobs):
-    """Start a process that compiles some kernels."""
-    worker = start('collision_sim.studies.warming', jobs)
-    worker.stdin.close()
-    return worker
-
-
 def compile_kernels(ways):
     """
     Compile the kernels of some ways to step, with a progress bar.
@@ -85,8 +79,10 @@ def compile_kernels(ways):
     kernels = {kernel(case, setting): (case.scene, setting) for case, setting in ways}
     jobs = sorted(kernels.values(), key=lambda job: job[1].method != 'exact')   # takes longest
     count = min(os.cpu_count() or 1, len(jobs))
-    workers = [_worker(jobs[k::count]) for k in range(count)] if count > 1 else []
+    workers = []
     try:
+        for k in range(count if count > 1 else 0):
+            workers.append(start('collision_sim.studies.warming', jobs[k::count]))
         with tqdm(total=len(jobs), desc='compiling', disable=None, leave=False) as bar:
             for worker in workers:
                 for _ in worker.stdout:         # a line for each
@@ -95,10 +91,25 @@ def compile_kernels(ways):
         for worker in workers:
             worker.kill()
             worker.wait()
+            worker.stdin.close()
             worker.stdout.close()
 
 
-if __name__ == '__main__':
-    for job in pickle.load(sys.stdin.buffer):
+def _end_with_starter():
+    """End when who has started this process ends, and with it the standard input."""
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
+def _work():
+    """Compile the kernels that the standard input says; a line for each."""
+    jobs = pickle.load(sys.stdin.buffer)
+    Thread(target=_end_with_starter, daemon=True).start()
+    for job in jobs:
         refusal(*job)
         print('done', flush=True)
+    os._exit(0)                         # without the thread, which reads
+
+
+if __name__ == '__main__':
+    _work()

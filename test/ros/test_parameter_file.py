@@ -26,9 +26,11 @@ import yaml
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 from collision_sim.ros.parameter_file import parameter_file  # noqa: E402, I100
-from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS, LARGEST  # noqa: E402
+from collision_sim.ros.parameters import descriptor, FIXED_PARAMETERS  # noqa: E402
 from collision_sim.ros.parameters import NODE_PARAMETERS  # noqa: E402
 from rcl_interfaces.srv import DescribeParameters, ListParameters  # noqa: E402
+from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 
 SHIPPED = Path(collision_sim.__file__).parent / 'config' / 'parameters.yaml'
 OF_RCLPY = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\.')
@@ -61,7 +63,7 @@ def values(text):
 def comments(text):
     """Give the comment above each value, by its name."""
     return {name: ' '.join(re.sub(r'^ *# ', '', line) for line in comment.splitlines())
-            for comment, name in re.findall(r'((?:    # .*\n)+)    ([\w.]+): ', text)}
+            for comment, name in re.findall(r'((?:    # .*\n)+)    (?:# )?([\w.]+): .*\n', text)}
 
 
 def test_the_shipped_file_is_up_to_date():
@@ -72,9 +74,12 @@ def test_the_shipped_file_is_up_to_date():
 
 def test_the_shipped_file_has_every_parameter_and_what_it_means(drive):
     """Values are those that are declared, and the comments say what the descriptors say."""
-    driver = drive()
-    given, meaning = values(SHIPPED.read_text()), comments(SHIPPED.read_text())
-    told = described(driver)
+    driver, text = drive(), SHIPPED.read_text()
+    told, meaning = described(driver), comments(text)
+    given = values(re.sub('# (?=[a-z.]+: )', '', text))
+    followers = given.keys() - values(text).keys()
+    assert followers == {name for name in told if driver.simulation.scene.follows(name)}
+    assert {'colliders.ground.restitution', 'colliders.paddle.friction.dry'} <= followers
     assert given.keys() == meaning.keys() == told.keys()
     for name, saying in told.items():
         declared = driver.node.get_parameter(name).value
@@ -82,25 +87,63 @@ def test_the_shipped_file_has_every_parameter_and_what_it_means(drive):
         assert saying.description in meaning[name]
         assert ('read-only' in meaning[name]) == saying.read_only
         for limits in (*saying.floating_point_range, *saying.integer_range):
-            numbers = [float(number) for number in re.findall(
-                r'; ([^; ]+) (?:to ([^; ]+)|or more)', meaning[name])[0] if number]
-            bounds = limits.from_value, limits.to_value
-            assert numbers == [bound for bound in bounds if bound not in LARGEST.values()]
+            bounds = re.findall(r'; ([^; ]+) to ([^; ]+)', meaning[name])[0]
+            assert [float(bound) for bound in bounds] == [limits.from_value, limits.to_value]
+        assert saying.additional_constraints in meaning[name]
 
 
 def test_a_file_of_parameters_is_taken(drive, tmp_path):
     """Unchanged it changes nothing; lines that are changed are taken, others may be left out."""
     driver = drive(node_options={'cli_args': ['--ros-args', '--params-file', str(SHIPPED)]})
+    assert driver.simulation.scene.colliders == collision_sim.load_scene('demo').colliders
     assert driver.simulation.scene.parameters() == \
         collision_sim.load_scene('demo').parameters()
     path = tmp_path / 'my.yaml'
-    lines = [line for line in SHIPPED.read_text().splitlines() if 'colliders.ground' not in line]
-    path.write_text('\n'.join(lines).replace('restitution: 0.5', 'restitution: 0.75'))
+    path.write_text(SHIPPED.read_text().replace('restitution: 0.5', 'restitution: 0.75')
+                    .replace('# colliders.walls.restitution: 0.75',
+                             'colliders.walls.restitution: 0.5'))
     driver = drive(node_options={'cli_args': ['--ros-args', '--params-file', str(path)]})
     found = driver.simulation.scene.parameters()
-    assert found['restitution'].value == found['colliders.walls.restitution'].value == 0.75
+    assert found['restitution'].value == 0.75
+    assert found['colliders.walls.restitution'].value == 0.5
     assert found['colliders.ground.restitution'].value == 0.75
     assert found['colliders.ball.restitution'].value == 0.8
+
+
+def dump(driver):
+    """Give what `ros2 param dump` writes: all values, by the names in order."""
+    return {name: driver.node.get_parameter(name) for name in sorted(driver.node._parameters)}
+
+
+def load(driver, parameters):
+    """Do as `ros2 param load`: one request with all values; those that are fixed are refused."""
+    request = SetParameters.Request(parameters=[
+        parameter.to_parameter_msg() for parameter in parameters.values()])
+    results = driver.call(SetParameters, '/collision_sim/set_parameters', request).results
+    return {name for name, result in zip(parameters, results) if not result.successful}
+
+
+def test_what_was_dumped_keeps_who_follows_the_scene(drive, tmp_path):
+    """Loaded into the same node, after changes, and given at the start of another."""
+    driver = drive()
+    dumped, scene = dump(driver), driver.simulation.scene
+    assert load(driver, dumped) == {name for name in dumped if driver.node.describe_parameter(
+        name).read_only}
+    assert driver.simulation.scene.colliders == scene.colliders
+    for changes in ({'restitution': 0.25}, {'colliders.ground.restitution': 0.1},
+                    {'colliders.ground.restitution': 0.1, 'restitution': 0.25}):
+        load(driver, {name: Parameter(name, value=value) for name, value in changes.items()})
+        load(driver, dumped)
+        assert driver.simulation.scene.colliders == scene.colliders, changes
+    path = tmp_path / 'dumped.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': {
+        name: parameter.value for name, parameter in dumped.items()
+        if not OF_RCLPY.match(name)}}}))
+    driver = drive(node_options={'cli_args': ['--ros-args', '--params-file', str(path)]})
+    assert driver.simulation.scene.colliders == scene.colliders
+    load(driver, {'restitution': Parameter('restitution', value=0.75)})
+    assert driver.node.get_parameter('colliders.ground.restitution').value == 0.75
+    assert driver.node.get_parameter('colliders.ball.restitution').value == 0.8
 
 
 def test_the_file_of_another_scene():
@@ -122,7 +165,9 @@ def test_descriptions_are_useful():
         assert len(told.description.split()) >= 2, name
         unit = re.search(r' \[([^]]*)\]$', told.description)
         if type(parameter.value) in (int, float):
-            assert told.floating_point_range or told.integer_range, name
+            assert (told.floating_point_range or told.integer_range
+                    or told.additional_constraints == '0 or more'), name
+            assert all(limits.to_value <= 1e10 for limits in told.floating_point_range), name
         elif type(parameter.value) is tuple:
             assert told.additional_constraints == 'three finite numbers', name
         else:

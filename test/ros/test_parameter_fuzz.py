@@ -60,13 +60,16 @@ def bad_values(driver, name):
     vector = not isinstance(value, (bool, int, float, str))
     yield from (ParameterValue(type=kind) for kind in (0, 10, 200, 255))
     yield from (other for other in OF_ALL_TYPES if type(other) is not type(value) and not (
-        vector and isinstance(other, list) and isinstance(other[0], float)))
+        vector and isinstance(other, list) and isinstance(other[0], float)) and not (
+        type(value) is float and type(other) is int))      # a whole number is a number
     if isinstance(value, float):
         yield from (nan, inf, -inf)
     if vector:
         yield from ([], [1.0], [1.0, 2.0], 4 * [1.0], [nan, 0.0, 0.0], [0.0, inf, 0.0])
     if name == 'frame_id':
         yield ''
+    if descriptor.additional_constraints == '0 or more':
+        yield from (-1e-3, -1e300)
     for limits in descriptor.floating_point_range:
         yield from (limits.from_value - 1e-3, -1e300)
         if limits.to_value < 1e300:
@@ -166,7 +169,8 @@ def bad_messages(driver, name):
         return [String(data='')]
     if not isinstance(value, (int, float)):
         return [Vector3(x=nan), Vector3(y=inf), Vector3(z=-inf)]
-    numbers = [nan, inf, -inf]
+    numbers = [nan, inf, -inf] + (
+        [-1e-3] if descriptor.additional_constraints == '0 or more' else [])
     for limits in descriptor.floating_point_range:
         numbers += [limits.from_value - 1e-3] + (
             [limits.to_value * 1.001] if limits.to_value < 1e300 else [])

@@ -77,7 +77,7 @@ def test_every_value_is_declared_with_range_and_unit(drive):
     limits = restitution.floating_point_range[0]
     assert (limits.from_value, limits.to_value) == (0.0, 1.0)
     assert '[m/s^2]' in gravity.description and gravity.additional_constraints
-    assert '[s/m]' in wet.description and wet.floating_point_range[0].from_value == 0.0
+    assert '[s/m]' in wet.description and wet.additional_constraints == '0 or more'
     assert iterations.integer_range[0].from_value == 1
     assert scene.read_only and '[1/s]' in drag.description
     assert all(descriptor.description for descriptor in found)
@@ -151,14 +151,15 @@ def test_atomically_all_or_nothing(drive):
     assert snapshot(driver) == before and value_of(driver, 'restitution') == 0.5
     accepted = set_by_service(driver, ('restitution', 0.25), ('drag.linear', 0.0),
                               atomically=True)[0]
+    driver.node.wait_until_ready()
     assert accepted.successful and value_of(driver, 'drag.linear') == 0.0
 
 
 BAD = [
     ('restitution', 1.5), ('restitution', -0.1), ('restitution', nan), ('restitution', inf),
-    ('restitution', 1), ('restitution', 'x'), ('restitution', True), ('restitution', [0.5]),
+    ('restitution', 2), ('restitution', 'x'), ('restitution', True), ('restitution', [0.5]),
     ('drag.linear', -1.0), ('drag.linear', nan), ('drag.wind', [1.0, 2.0]),
-    ('gravity', [0.0]), ('gravity', [0.0, 0.0, inf]), ('gravity', [1, 2, 3]), ('gravity', 9.81),
+    ('gravity', [0.0]), ('gravity', [0.0, 0.0, inf]), ('gravity', [1, 2]), ('gravity', 9.81),
     ('gravity', [1.0, 2.0, 3.0, 4.0]), ('friction.dry.static', 0.1), ('friction.dry.kinetic', 0.5),
     ('colliders.wall.friction.wet', -1.0), ('colliders.nobody.restitution', 0.5),
     ('stepping.iterations', 0), ('stepping.iterations', 1.0), ('stepping.iterations', 10 ** 9),
@@ -180,6 +181,76 @@ def test_refused_by_service(drive, atomically):
     assert snapshot(driver) == before and driver.simulation.scene is scene
     assert set_by_service(driver, ('restitution', 0.1), ('restitution', 0.2))[1].successful
     assert value_of(driver, 'restitution') == 0.2
+
+
+@pytest.mark.parametrize('atomically', [False, True])
+def test_whole_numbers_are_numbers(drive, atomically):
+    """At the start, and by both services; what is kept and told is a float."""
+    driver = drive(SCENE, restitution=1, publish_rate=30, gravity=[0, 0, -1],
+                   colliders__wall__friction__wet=2)
+    assert value_of(driver, 'restitution') == 1.0
+    assert value_of(driver, 'gravity') == (0.0, 0.0, -1.0)
+    values = ('restitution', 0), ('gravity', [0, 1, -2]), ('colliders.wall.restitution', 1)
+    assert all(result.successful for result in set_by_service(
+        driver, *values, atomically=atomically))
+    assert value_of(driver, 'colliders.wall.restitution') == 1.0
+    assert value_of(driver, 'gravity') == (0.0, 1.0, -2.0)
+    for name in ('restitution', 'publish_rate', 'colliders.wall.friction.wet'):
+        assert type(driver.node.get_parameter(name).value) is float
+    assert driver.node.get_parameter('gravity').value == [0.0, 1.0, -2.0]
+
+
+@pytest.mark.parametrize('atomically', [False, True])
+@pytest.mark.parametrize('name, value, words', [
+    ('restitutoin', 0.5, 'restitutoin: 0.5: there is no such parameter'),
+    ('x' * 100_000, 0.5, 'there is no such parameter'),
+    ('gravity', [1.0, 2.0], 'gravity: [1.0, 2.0]: must be 3 finite numbers'),
+    ('gravity', [nan, 0.0, 0.0], 'gravity: [nan, 0.0, 0.0]: must be 3 finite numbers'),
+    ('restitution', 'high', "restitution: 'high': must be a number"),
+    ('gravity', 9.81, 'gravity: 9.81: must be a list of numbers'),
+    ('frame_id', 10_000_000 * 'f', 'must be 1 to 255 characters'),
+    ('frame_id', 'a\nb', 'must be 1 to 255 characters')], ids=str)
+def test_refusals_say_what_and_why(drive, name, value, words, atomically):
+    """In a few words, however long the value is."""
+    reason = set_by_service(drive(SCENE), (name, value), atomically=atomically)[0].reason
+    assert words in reason and len(reason) < 300
+
+
+@pytest.mark.parametrize('count', [1001, 10_000])
+def test_a_request_has_a_bound(drive, count):
+    """For each value there is an answer that says so, and nothing has changed."""
+    driver = drive(SCENE)
+    scene = driver.simulation.scene
+    many = [('restitution', k / count) for k in range(count)]
+    for results, expected in ((set_by_service(driver, *many), count),
+                              (set_by_service(driver, *many, atomically=True), 1)):
+        assert len(results) == expected
+        assert all(not result.successful and str(count) in result.reason
+                   and 'at most 1000' in result.reason for result in results)
+    names = ListParameters.Request(prefixes=count * ['restitution'])
+    assert driver.call(ListParameters, NODE + '/list_parameters', names).result.names == []
+    assert driver.simulation.scene is scene
+    assert all(result.successful for result in set_by_service(driver, *many[:1000]))
+    assert value_of(driver, 'restitution') == many[999][1]
+
+
+def test_what_comes_between_two_ticks_is_adopted_once(drive, monkeypatch):
+    """By any way, in the order in which it came, before the next step."""
+    driver, adopted = drive(SCENE), []
+    adopt = type(driver.simulation)._adopt
+    monkeypatch.setattr(type(driver.simulation), '_adopt',
+                        lambda self, scene: (adopted.append(scene), adopt(self, scene)))
+    for k in range(500):
+        driver.node._live._take('restitution', float, Float64(data=k / 1000))
+        driver.node._live._take('gravity', tuple, Vector3(x=float(k)))
+    assert set_by_service(driver, *[('restitution', k / 1000) for k in range(900)])[0].successful
+    driver.node._live._take('colliders.wall.restitution', float, Float64(data=0.25))
+    driver.run(0.1)
+    scene = adopted[-1]
+    assert len(adopted) < 10        # beside the ticks, only the diagnostics have looked
+    assert scene.restitution == 0.899 and scene.gravity == (499.0, 0.0, 0.0)
+    assert scene.restitution_of(scene.collider('wall')) == 0.25
+    assert driver.node.get_parameter('colliders.ground.restitution').value == 0.899
 
 
 # --- topics ----------------------------------------------------------------------------------

@@ -14,10 +14,12 @@
 
 """While its kernels are being compiled the node serves as in a pause; then it moves."""
 
+import io
 import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,6 +32,8 @@ from collision_sim.scene import Scene  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from geometry_msgs.msg import PoseArray  # noqa: E402
 from harness import DEADLINE, jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
+from numba import config, njit  # noqa: E402
+from numba.core import event  # noqa: E402
 from rcl_interfaces.srv import ListParameters, SetParameters  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
@@ -208,6 +212,125 @@ def shows_contacts(message):
     return any(marker.action == Marker.ADD and marker.points for marker in message.markers)
 
 
+FALLING = {'particles': {'position': [[0, 0, 5]]}, 'drag': {'linear': 0.0},
+           'colliders': [{'name': 'ground', 'shape': 'plane'}]}
+
+
+@pytest.fixture
+def held(drive, monkeypatch):
+    """Give a function that makes a node whose kernels for new values wait for its `released`."""
+    load, released = warm_up._load, threading.Event()
+
+    def wait(warming, scene, ledger, contacts):
+        warming.compiles = True
+        assert released.wait(DEADLINE)
+        return load(warming, scene, ledger, contacts)
+
+    def make(scene, **parameters):
+        driver = drive(scene, **parameters)
+        driver.released = released
+        return driver
+
+    monkeypatch.setattr(warm_up, '_load', wait)
+    yield make
+    released.set()
+
+
+def set_drag(driver, value):
+    request = SetParameters.Request(
+        parameters=[Parameter('drag.linear', value=value).to_parameter_msg()])
+    return driver.call(SetParameters, NODE + '/set_parameters', request).results[0]
+
+
+def test_steps_go_on_while_the_kernels_for_a_new_value_compile(held):
+    """By the value before it, and the diagnostics say so; then by the new one."""
+    driver, messages, particles = held(FALLING), [], []
+    driver.peer.create_subscription(DiagnosticArray, '/diagnostics', messages.append, 5)
+    driver.peer.create_subscription(PoseArray, NODE + '/particles', particles.append, 5, raw=True)
+    driver.spin_until(lambda: driver.outputs._particles.get_subscription_count())
+    assert set_drag(driver, 100.0).successful and set_restitution(driver, 0.25).successful
+    assert driver.node.get_parameter('drag.linear').value == 100.0
+    driver.run(0.5, each=lambda: driver.executor.spin_once(timeout_sec=0.0))
+    time_before = driver.simulation.time
+    assert time_before == pytest.approx(0.5, abs=driver.simulation.dt)
+    assert driver.simulation.velocity[0, 2] == pytest.approx(-9.81 * time_before)
+    assert driver.simulation.scene.drag.linear == driver.simulation.scene.restitution == 0.0
+    driver.spin_until(lambda: messages and 'drag.linear' in messages[-1].status[0].message)
+    assert messages[-1].status[0].level == DiagnosticStatus.WARN
+    assert 'compiling' in messages[-1].status[0].message and len(particles) > 10
+    driver.released.set()
+    driver.node.wait_until_ready()
+    driver.run(0.5)
+    assert driver.simulation.scene.drag.linear == 100.0
+    assert driver.simulation.scene.restitution == 0.25
+    assert driver.simulation.velocity[0, 2] == pytest.approx(-0.0981, rel=1e-6)
+    driver.spin_until(lambda: messages[-1].status[0].level == DiagnosticStatus.OK)
+
+
+def test_a_step_asked_for_waits_for_the_kernels_of_a_new_value(held):
+    """It is refused rather than taken with the value before; back there it is taken at once."""
+    driver = held(FALLING)
+    driver.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
+    assert set_drag(driver, 100.0).successful
+    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
+    assert not answer.success and 'compiled' in answer.message and driver.simulation.time == 0.0
+    assert set_drag(driver, 0.0).successful
+    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
+    assert set_drag(driver, 100.0).successful
+    driver.released.set()
+    driver.node.wait_until_ready()
+    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
+    assert driver.simulation.scene.drag.linear == 100.0
+
+
+def test_only_what_is_compiled_is_said_to_be(drive, capfd):
+    """What comes from the cache or needs no compiler is not."""
+    drive(FALLING)
+    capfd.readouterr()
+    drive(FALLING)
+    printed = capfd.readouterr().err
+    assert 'publishes' in printed and 'compiling' not in printed
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
+@pytest.mark.parametrize('beside', [False, True])
+def test_what_is_compiled_is_noticed(monkeypatch, beside):
+    """Here or, beside other steps, in a process; the second time nothing has to be."""
+    @njit
+    def double(x):
+        return 2.0 * x
+
+    def compile_elsewhere(*what):
+        double(1.0)
+        return SimpleNamespace(stdout=io.BytesIO(), communicate=lambda: None)
+
+    monkeypatch.setattr(warm_up, '_step', lambda scene, ledger, contacts: double(1.0))
+    monkeypatch.setattr(warm_up, '_play_poses', lambda scene: None)
+    monkeypatch.setattr(warm_up, 'start_helper', compile_elsewhere)
+    for compiles in (True, False):
+        warming = warm_up.WarmUp(None, False, False, beside)
+        assert [future.result(DEADLINE) for future in warming.seconds.values()] == [2.0, 2.0]
+        assert warming.compiles == compiles
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
+def test_a_new_value_at_a_run_compiles_nothing_in_this_thread(drive):
+    """Nor does somebody who listens to the contacts after it."""
+    driver, compiled = drive(FALLING), []
+    with event.install_listener('numba:compile', warm_up._Notice(lambda: compiled.append(1))):
+        for value in (0.5, 0.0, 0.5):
+            assert set_drag(driver, value).successful
+            driver.run(0.1)
+            driver.node.wait_until_ready()
+            driver.run(0.1)
+            assert driver.simulation.scene.drag.linear == value
+        driver.peer.create_subscription(MarkerArray, NODE + '/contacts', lambda message: None, 5)
+        driver.spin_until(lambda: driver.outputs._contacts.get_subscription_count())
+        driver.run(0.1)
+        assert driver.simulation.record_contacts
+    assert not compiled
+
+
 @pytest.mark.parametrize('failing', [['contacts', 'none'], ['contacts']], ids=str)
 def test_the_node_ends_where_they_cannot_be_compiled(failing):
     """All of them, or those that record contacts, when time has begun already."""
@@ -239,7 +362,7 @@ def test_help_comes_if_it_takes_long(monkeypatch):
     helpers, start_helper = [], warm_up.start_helper
     for name, function in (('_step', step), ('start_helper', start), ('_wait_for', wait_for)):
         monkeypatch.setattr(warm_up, name, function)
-    seconds = warm_up.warm_up(Scene.from_dict(PADDLE), False, False)
+    seconds = warm_up.WarmUp(Scene.from_dict(PADDLE), False, False).seconds
     assert all(future.result(DEADLINE) > 0.0 for future in seconds.values())
     assert order == [False, 'waited', 'waited', True]
     assert helpers[0].wait(DEADLINE) == 0

@@ -15,6 +15,8 @@
 """The node in a process of its own: real clock, real DDS, bad starts, hostile requests."""
 
 from math import cos, pi, sin
+import subprocess
+import sys
 
 from collision_sim.ros.messages import read_pose_array
 import numpy as np
@@ -22,7 +24,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from geometry_msgs.msg import PoseArray  # noqa: E402, I100
+from geometry_msgs.msg import PoseArray, PoseStamped  # noqa: E402, I100
 from harness import DEADLINE, moved, stop_node  # noqa: E402
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue  # noqa: E402
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically  # noqa: E402
@@ -57,8 +59,28 @@ def test_the_bare_node_publishes_and_explains_itself(run_node, peer):
     assert len(read_pose_array(messages[0])[3]) > 0
     printed = stop_node(process)
     assert process.returncode == 0
-    assert NODE + '/particles' in printed and 'ros2 topic pub' in printed
+    assert NODE + '/particles' in printed
     assert 'paddle/pose' in printed and 'Traceback' not in printed
+
+
+def test_the_advice_runs_on_this_machine(run_node, peer):
+    """To set a parameter and to swing the paddle, whether there is a `ros2` or not."""
+    process = run_node()
+    lines, said = [], ''
+    while 'to move paddle: ' not in said:
+        said = process.stdout.readline()
+        lines.append(said)
+    move = said.partition('to move paddle: ')[2].partition(', or ')[0]
+    setting, = (line.partition('/set/..., or ')[2] for line in lines if '/set/..., or ' in line)
+    done = subprocess.run(setting, shell=True, capture_output=True, text=True, timeout=DEADLINE)
+    assert done.returncode == 0 and ('successful=True' in done.stdout
+                                     or 'Set parameter successful' in done.stdout), done
+    poses = peer.subscribe(PoseStamped, 'paddle/pose')
+    swinging = subprocess.Popen('exec ' + move, shell=True)
+    peer.spin_until(lambda: len(poses) > 3)
+    swinging.terminate()
+    assert swinging.wait(DEADLINE) == 0
+    assert poses[-1].pose.position.y == 0.5
 
 
 def test_paddle_over_dds(run_node, peer):
@@ -161,6 +183,22 @@ def test_a_missing_enclave_is_one_line_and_status_1(run_node, monkeypatch, tmp_p
     printed, _ = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1 and 'Traceback' not in printed
     assert 'enclave' in printed.lower()
+
+
+@pytest.mark.parametrize('module', ['start', 'swing_paddle'])
+@pytest.mark.parametrize('arguments, status, words', [
+    (['--help'], 0, '--ros-args -p'), (['-h'], 0, '--ros-args -p'), (['--version'], 0, ''),
+    (['--ros-args', '-p', 'x:=1', '--', '--help'], 0, '--ros-args -p'),
+    (['--ros-args', '--log-level', 'info', '--', '--version'], 0, ''),
+    (['--hepl'], 2, '--hepl'), (['rain'], 2, 'rain')], ids=str)
+def test_own_arguments(module, arguments, status, words):
+    """They are answered and end the process, before anything else begins."""
+    code = f'import sys; from collision_sim.ros.{module} import main; sys.exit(main())'
+    done = subprocess.run([sys.executable, '-c', code, *arguments], timeout=DEADLINE,
+                          capture_output=True, text=True)
+    assert done.returncode == status and 'Traceback' not in done.stderr
+    said = done.stdout if status == 0 else done.stderr
+    assert said.strip() and words in said and '[INFO]' not in done.stderr
 
 
 # --- hostile peers ---------------------------------------------------------------------------

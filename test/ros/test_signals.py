@@ -60,6 +60,19 @@ sys.exit(main([]))
 """
 
 
+LOADING = """
+import os, signal, sys
+from collision_sim.ros import parameters, start
+def load(name):
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    os.kill(os.getpid(), signal.SIGINT)
+    [None for _ in range(1000)]
+    print('went on')
+parameters.load_scene = load
+sys.exit(start.main([]))
+"""
+
+
 @pytest.fixture
 def runs(request):
     return range(LONG if request.config.getoption('--long') else 1)
@@ -105,6 +118,25 @@ def test_signals_end_the_node(run_node, peer, runs, scene, signals):
         assert files
         end(process, signals, random.Random(run).uniform(0.0, 0.01))
         assert not any(path.exists() for path in files)
+
+
+@pytest.mark.parametrize('number', ['SIGINT', 'SIGTERM'])
+def test_signals_end_the_loading_of_a_scene(number):
+    """Such as one with meshes of millions of faces."""
+    done = subprocess.run([sys.executable, '-c', LOADING, number], timeout=DEADLINE, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert done.returncode == 0 and 'went on' not in done.stdout, done.stdout
+    assert 'Traceback' not in done.stdout
+
+
+def test_what_a_scene_warns_of_is_logged(run_node, peer):
+    """Faces without area are left out and counted."""
+    scene = {'colliders': [{'name': 'bunny', 'shape': 'mesh', 'faces': [[0, 1, 2], [0, 1, 1]],
+                            'vertices': [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}
+    messages = peer.subscribe(PoseArray, NODE + '/particles', raw=True)
+    process = run_node(scene)
+    peer.spin_until(lambda: messages)
+    assert '1 faces without area are left out; the first is 1' in end(process, [signal.SIGINT], 0)
 
 
 @pytest.mark.parametrize('pause', [0.0, 0.1, 0.3, 0.6, 0.9])

@@ -109,6 +109,12 @@ def test_defaults_fit_the_demo_scene(start, poses):
     assert pose.header.frame_id == 'world'
 
 
+def test_whole_numbers_are_numbers(start, poses):
+    start('-p', 'amplitude:=0', '-p', 'centre:=[1, 2, 3]', '-p', 'rate:=50', '-p', 'topic:=here')
+    place = poses(1, 'here')[0].pose.position
+    assert [place.x, place.y, place.z] == [1.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize('signals', [
     [signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT],
 ], ids=['SIGINT', 'SIGTERM', 'SIGINT twice'])
@@ -124,7 +130,7 @@ def test_a_signal_ends_it_cleanly(start, poses, signals):
 
 
 @pytest.mark.parametrize('argument', [
-    'rate:=0.0', 'period:=2', 'amplitude:=-1.0', 'centre:=[1.0]', 'centre:=[0.0, .nan, 0.0]'])
+    'rate:=0.0', 'period:=[2]', 'amplitude:=-1.0', 'centre:=[1.0]', 'centre:=[0.0, .nan, 0.0]'])
 def test_a_refused_parameter_is_named(start, argument):
     process = start('-p', argument)
     output, _ = process.communicate(timeout=PATIENCE)

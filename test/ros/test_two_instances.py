@@ -36,7 +36,7 @@ import rclpy
 from collision_sim import load_scene
 from collision_sim.ros import node, warm_up
 
-for kernels in warm_up.warm_up(load_scene('demo'), False, False).values():
+for kernels in warm_up.WarmUp(load_scene('demo'), False, False).seconds.values():
     kernels.result()        # the process ends by itself
 for k in range(2):
     stopped = []

@@ -45,13 +45,14 @@ def scene(tmp_path):
     ('1e-3:1e3:7:log', (1e-3, 1e-2, 0.1, 1, 10, 100, 1000)), ('-1:-4:3:log', (-1, -2, -4)),
     ('1:0:3', (1, 0.5, 0)), ('100:300:3', (100, 200, 300)), ('0,0.1,1e-3', (0, 0.1, 1e-3)),
     ('exact, multi_pass', ('exact', 'multi_pass')), ('none,{dry: 0.1}', ('none', {'dry': 0.1})),
-    ('[0,0,-9.81],[0, 0, -1.62]', ([0, 0, -9.81], [0, 0, -1.62])), ('.inf', (np.inf,))])
+    ('[0,0,-9.81],[0, 0, -1.62]', ([0, 0, -9.81], [0, 0, -1.62])), ('.inf', (np.inf,)),
+    ('-.5,+.5,.5e1,010,0o10,yes', (-0.5, 0.5, 5.0, 10, 8, 'yes')), ('010:012:3', (10, 11, 12))])
 def test_values_of_an_axis(text, values):
     """Values are those that people would write: 0.1 + 2 * 0.1 is 0.3; both ends are included."""
     found = axis(f'a.b={text}')
     assert found == ('a.b', values)
     assert all(isinstance(value, int) for value in found.values) == (
-        text in ('100:300:3', '-1:-4:3:log'))
+        text in ('100:300:3', '-1:-4:3:log', '010:012:3'))
 
 
 @pytest.mark.parametrize('text', [
