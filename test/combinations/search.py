@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import time
 
 from cases import method, stepping
-from checks import examine, OF_OTHER_RUNS, OF_THE_RUN
+from checks import examine, OF_OTHER_RUNS, OF_THE_RUN, RUNS
 import numpy as np
 from scenes import draw
 from shrink import shrink
@@ -104,7 +104,8 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
         if time.monotonic() - start > seconds or stop and stop(done):
             break
         case, key = draw([seed, number]), [seed, number]
-        problems = examine(case, key, chosen := names or chosen_names(key))
+        chosen = [name for name in names or chosen_names(key) if name != RUNS]
+        problems = examine(case, key, chosen)
         done.scenes += 1
         if problems is None:
             done.refused += 1
