@@ -142,7 +142,9 @@ def test_order_of_colliders_changes_no_bit(eps):
 
 
 @pytest.mark.parametrize('drag', [None, {'linear': 0.7}, {'quadratic': 0.4}])
-@pytest.mark.parametrize('floor', [plane(), sphere(1.0, (0.0, 0.0, -1.0)),
+@pytest.mark.parametrize('floor', [plane(), plane((1.0, 0.0, 1.0), (0.0, 0.0, -1.0),
+                                                  friction={'dry': 1.2}),
+                                   sphere(1.0, (0.0, 0.0, -1.0)),
                                    box((4.0, 4.0, 4.0), (0.0, 0.0, 2.0), inside=True)])
 def test_colliders_that_nobody_touches_change_no_bit(floor, drag):
     """Still, moving, swinging and turning ones, before and after those that matter."""
