@@ -164,10 +164,11 @@ def frame_acceleration(courses, poses, here, c, t, x, w):
 def carried(courses, poses, here, c, x, since, t):
     """Where the material point that was at x [m] at time `since` is at time t [s]."""
     if courses is not None:
-        arm = subtract(x, centre(courses, poses, here, c, since))
-        angle = courses[here.step, c, SPIN] * (t - since)
-        arm = turned(_three(courses, here.step, c, AXIS), angle, arm)
-        return add(centre(courses, poses, here, c, t), arm)
+        start = centre(courses, poses, here, c, since)
+        arm, angle = subtract(x, start), courses[here.step, c, SPIN] * (t - since)
+        turn = subtract(turned(_three(courses, here.step, c, AXIS), angle, arm), arm)
+        shift = subtract(centre(courses, poses, here, c, t), start)
+        return add(add(x, shift), turn)     # to the last bit x where it does not move
     return x
 
 
