@@ -16,6 +16,7 @@
 
 from contextlib import suppress
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -25,11 +26,11 @@ import time
 from collision_sim import cli
 from collision_sim.core import interrupts
 from collision_sim.listener import heard, Listener
-from conftest import ROOT
 import numpy as np
 import pytest
 from small_scenes import box, plane, simulate, sphere
 
+ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 120          # s
 MOVED = sphere(0.2, (0.0, 0.0, 5.0), topic='ball/pose')
 SCRIPTED = box(position=(9.0, 0.0, 0.0), motion={'linear_velocity': [0.1, 0.0, 0.0]})
