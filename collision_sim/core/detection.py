@@ -21,8 +21,8 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 """
 
 from collision_sim.core.broad_phase import how_many, nth
-from collision_sim.core.faces import (crossed_face, face_below, face_towards, height_over,
-                                      is_covered, nearest_face)
+from collision_sim.core.faces import (crossed_face, face_below, face_towards, goes_through,
+                                      height_over, is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
@@ -104,8 +104,9 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
     if has_faces(table, c) and tau <= 1.0:
         q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
         m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
-        if is_covered(rules, here, table, poses, motion, c, face_towards(table, c, m), q, tau, x0,
-                      False):
+        face = face_towards(table, c, m)
+        if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False) and (
+                not goes_through(table, poses, here, c, face, x0, x1)):
             tau, n = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
             return tau, n, add_scaled(start, tau, move), decided
     if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,

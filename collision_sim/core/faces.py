@@ -264,6 +264,24 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
 
 
 @kernel
+def goes_through(table, poses, here, c, face, x0, x1):
+    """
+    Whether a way from x0 to x1 that comes in by a face ends beyond the opposite one, or the side.
+
+    Then it does not just pass over another face, that of a tile which is flush.
+    """
+    q0 = rotate_back(poses, here.start, c, subtract(x0, origin(poses, here.start, c)))
+    q1 = rotate_back(poses, here.end, c, subtract(x1, origin(poses, here.end, c)))
+    slack, outside = seam_width(table, c, origin(poses, here.end, c)), False
+    for f in range(_how_many_faces(table, c)):
+        h1 = face_at(table, c, f, q1)[0] - here.radius
+        outside = outside or h1 >= slack
+        if f != face and h1 >= -slack and face_at(table, c, f, q0)[0] - here.radius >= -slack:
+            return False
+    return outside
+
+
+@kernel
 def crossed_face(rules, here, table, poses, motion, c, x0, x1):
     """
     Answering face of a particle that starts outside a collider and ends in it or on it.
