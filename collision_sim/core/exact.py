@@ -344,7 +344,7 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                here = Here(step, start, end, block, i, radius_at(radius, i), None)
+                here = Here(step, start, end, block, i, radius_at(radius, i), None, None)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
                 x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
                                         log, accounts, notes, ledger, duration, x0, v0)

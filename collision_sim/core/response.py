@@ -30,7 +30,7 @@ Then a particle that is still inside is placed outside. Who started inside a col
 from it instead. Of several colliders the one in which the particle is deepest acts first.
 """
 
-from collision_sim.core.candidates import candidate_of, fly_anew
+from collision_sim.core.candidates import candidate_of, fly_anew, is_settled
 from collision_sim.core.detection import (approach, detect, distance, is_path_clear,
                                           is_same_surface, rounding_depth)
 from collision_sim.core.impulses import joint_law, respond, shares
@@ -275,14 +275,15 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
     """
     u, w = candidate_of(candidates, rules.flight, here.particle, v0)
     free = u, w
-    hits, passes, lawful = 0, 0, False
+    settled = is_settled(candidates, here.particle)
+    hits, passes, lawful = 0, 0, settled
     last, other = NOTHING, NOTHING
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
         if passes == rules.passes:
             break
         touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
-                               v0, u, passes == 0 and hits < CHECKS)
+                               v0, u, passes == 0 and hits < CHECKS and not settled)
         if not inside:
             return x1, w
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
@@ -298,7 +299,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             last, other, passes = touch, last, 2
         else:
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
-                         u, w, passes == 0 or rules.once, hits > 0, lawful)
+                         u, w, (passes == 0 or rules.once) and not settled, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
             same = is_same_surface(rules.present.meshes, table, touch.collider, touch.normal,
                                    last.collider, last.normal)

@@ -1,0 +1,183 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who is near a particle that has got another path within the step: the grid is asked again.
+
+The grid of cells.py holds the particles where their candidates have been when the step began. Who
+has got another candidate since then is found where that leads, in slots of their own that go with
+those of the coarsest level; who flies farther than a cell of it is wide, in a list.
+"""
+
+from math import inf
+from typing import NamedTuple
+
+from collision_sim.core.cells import coordinate, FIRST, LEVELS, slot_of, SLOTS
+from collision_sim.core.jit import kernel
+from collision_sim.core.rules import NONE
+import numpy as np
+
+MOST_CELLS = 64         # looked through one by one; of more, all particles of the level
+
+
+class Moved(NamedTuple):
+    """
+    Particles with another candidate than in the grid: scratch.
+
+    centre (3, N), extent (N,) [m]: of all particles, and where they are now; head (slots + 1,)
+    int32: the last one in each slot of level 0, and in the list of those that fly far; behind (N,)
+    int32: of each the one before; slot (N,) int32: that it is in, NONE for who is where the grid
+    has it; who (N,) int32: those that are not; found (N,) int32: who is near; size (2,) int64: how
+    many have moved, and how many are found.
+    """
+
+    centre: np.ndarray
+    extent: np.ndarray
+    head: np.ndarray
+    behind: np.ndarray
+    slot: np.ndarray
+    who: np.ndarray
+    found: np.ndarray
+    size: np.ndarray
+
+
+def make_moved(centre, extent, slots):
+    """Allocate it for the centres and extents of all particles and a number of slots."""
+    count = len(extent)
+    return Moved(centre, extent, np.full(slots + 1, NONE, dtype=np.int32),
+                 np.empty(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
+                 np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
+                 np.zeros(2, dtype=np.int64))
+
+
+@kernel
+def forget_moved(moved):
+    """Take all particles to be where the grid has them."""
+    for k in range(moved.size[0]):
+        i = moved.who[k]
+        moved.head[moved.slot[i]] = NONE
+        moved.slot[i] = NONE
+    moved.size[0] = 0
+
+
+@kernel
+def _take_out(moved, i):
+    """Take particle i out of its slot."""
+    slot = moved.slot[i]
+    if moved.head[slot] == i:
+        moved.head[slot] = moved.behind[i]
+        return
+    other = moved.head[slot]
+    while moved.behind[other] != i:
+        other = moved.behind[other]
+    moved.behind[other] = moved.behind[i]
+
+
+@kernel
+def move(cells, moved, i, centre, extent):
+    """Note that particle i has another centre and extent [m]."""
+    if moved.slot[i] == NONE:
+        moved.who[moved.size[0]] = i
+        moved.size[0] += 1
+    else:
+        _take_out(moved, i)
+    moved.centre[0, i], moved.centre[1, i], moved.centre[2, i] = centre
+    moved.extent[i] = extent
+    slot = moved.head.shape[0] - 1
+    if 2.0 * extent * cells.inverse[0] <= 1.0:
+        slot = slot_of(cells.inverse, cells.levels, 0, centre[0], centre[1], centre[2])
+    moved.slot[i], moved.behind[i], moved.head[slot] = slot, moved.head[slot], i
+
+
+@kernel
+def _test(moved, i, j):
+    """Append particle j to what is found if it is near particle i."""
+    limit = moved.extent[i] + moved.extent[j]
+    dx = moved.centre[0, j] - moved.centre[0, i]
+    dy = moved.centre[1, j] - moved.centre[1, i]
+    dz = moved.centre[2, j] - moved.centre[2, i]
+    if i != j and dx * dx + dy * dy + dz * dz < limit * limit and (
+            moved.size[1] < moved.found.shape[0]):
+        moved.found[moved.size[1]] = j
+        moved.size[1] += 1
+
+
+@kernel
+def _test_list(moved, i, slot):
+    """Test those that have moved to a slot."""
+    other = moved.head[slot]
+    while other != NONE:
+        _test(moved, i, other)
+        other = moved.behind[other]
+
+
+@kernel
+def _test_rows(cells, moved, i, first, last):
+    """Test those that are where the grid has them, in some rows of it."""
+    for row in range(first, last):
+        j = cells.particle[row]
+        if moved.slot[j] == NONE:
+            _test(moved, i, j)
+
+
+@kernel
+def _look_in(cells, moved, k, i):
+    """Look for those that are near particle i in level k."""
+    levels, first, inverse = cells.levels, cells.levels[k, FIRST], cells.inverse[k]
+    reach = moved.extent[i] + 0.5 / inverse
+    x, y, z = moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
+    ax, bx = coordinate(inverse, x - reach), coordinate(inverse, x + reach)
+    ay, by = coordinate(inverse, y - reach), coordinate(inverse, y + reach)
+    az, bz = coordinate(inverse, z - reach), coordinate(inverse, z + reach)
+    if (bx - ax + 1.0) * (by - ay + 1.0) * (bz - az + 1.0) > MOST_CELLS:
+        _test_rows(cells, moved, i, cells.start[first], cells.start[first + levels[k, SLOTS]])
+        if k == 0:
+            for m in range(moved.size[0]):
+                if moved.slot[moved.who[m]] < moved.head.shape[0] - 1:
+                    _test(moved, i, moved.who[m])
+        return
+    width = 1.0 / inverse
+    for c in range(az, bz + 1):
+        for b in range(ay, by + 1):
+            for a in range(ax, bx + 1):
+                slot = slot_of(cells.inverse, levels, k, (a + 0.5) * width, (b + 0.5) * width,
+                               (c + 0.5) * width)
+                _test_rows(cells, moved, i, cells.start[first + slot],
+                           cells.start[first + slot + 1])
+                if k == 0:
+                    _test_list(moved, i, slot)
+
+
+@kernel
+def find_around(cells, moved, i):
+    """
+    Find those that are near particle i, some of them more than once.
+
+    Parameters
+    ----------
+    cells : cells.Cells
+        The grid of the step.
+    moved : Moved
+        Where those are that are elsewhere; what is found is written.
+    i : int
+        The particle, which has moved.
+
+    """
+    moved.size[1] = 0
+    if not moved.extent[i] < inf:
+        return
+    for k in range(LEVELS):
+        if cells.levels[k, SLOTS] > 0:
+            _look_in(cells, moved, k, i)
+    _test_list(moved, i, moved.head.shape[0] - 1)
