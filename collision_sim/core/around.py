@@ -38,8 +38,9 @@ class Moved(NamedTuple):
     centre (3, N), extent (N,) [m]: of all particles, and where they are now; head (slots + 1,)
     int32: the last one in each slot of level 0, and in the list of those that fly far; behind (N,)
     int32: of each the one before; slot (N,) int32: that it is in, NONE for who is where the grid
-    has it; who (N,) int32: those that are not; found (N,) int32: who is near; size (2,) int64: how
-    many have moved, and how many are found.
+    has it; who (N,) int32: those that are not; found (N,) int32: who is near; size (3,) int64: how
+    many have moved, how many are found, and how often was looked; seen (N,) int64: in which look a
+    particle was tested last.
     """
 
     centre: np.ndarray
@@ -50,6 +51,7 @@ class Moved(NamedTuple):
     who: np.ndarray
     found: np.ndarray
     size: np.ndarray
+    seen: np.ndarray
 
 
 def make_moved(centre, extent, slots):
@@ -58,7 +60,7 @@ def make_moved(centre, extent, slots):
     return Moved(centre, extent, np.full(slots + 1, NONE, dtype=np.int32),
                  np.empty(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
                  np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
-                 np.zeros(2, dtype=np.int64))
+                 np.zeros(3, dtype=np.int64), np.zeros(count, dtype=np.int64))
 
 
 @kernel
@@ -102,13 +104,15 @@ def move(cells, moved, i, centre, extent):
 
 @kernel
 def _test(moved, i, j):
-    """Append particle j to what is found if it is near particle i."""
+    """Append particle j to what is found if it is near particle i, and was not tested yet."""
+    if moved.seen[j] == moved.size[2]:
+        return
+    moved.seen[j] = moved.size[2]
     limit = moved.extent[i] + moved.extent[j]
     dx = moved.centre[0, j] - moved.centre[0, i]
     dy = moved.centre[1, j] - moved.centre[1, i]
     dz = moved.centre[2, j] - moved.centre[2, i]
-    if i != j and dx * dx + dy * dy + dz * dz < limit * limit and (
-            moved.size[1] < moved.found.shape[0]):
+    if i != j and dx * dx + dy * dy + dz * dz < limit * limit:
         moved.found[moved.size[1]] = j
         moved.size[1] += 1
 
@@ -162,7 +166,7 @@ def _look_in(cells, moved, k, i):
 @kernel
 def find_around(cells, moved, i):
     """
-    Find those that are near particle i, some of them more than once.
+    Find those that are near particle i.
 
     Parameters
     ----------
@@ -175,6 +179,7 @@ def find_around(cells, moved, i):
 
     """
     moved.size[1] = 0
+    moved.size[2] += 1
     if not moved.extent[i] < inf:
         return
     for k in range(LEVELS):

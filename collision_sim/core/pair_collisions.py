@@ -57,13 +57,14 @@ from collision_sim.core.pairs import (can_meet, column, FIRST, look_at, Matter, 
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
-                                      NONE, Rules, Touch)
+                                      NONE, ROUNDING, Rules, Touch)
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
-from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 TIE = 1e-9              # share of a step: what is closer happens at once
+BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 LOOSE = 0.01            # share of its radius that a particle may leave its path by unnoticed
 # Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
 # and normal, velocity of the collider, point.
@@ -261,7 +262,7 @@ def _look_at_walls(stage, i, answers):
     walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
     u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
-    if stage.meetings.hits[i] >= MOST_HITS or stage.matter.inverse[i] == 0.0:
+    if stage.meetings.hits[i] >= MOST_HITS:
         return
     for c in range(stage.table.shape[0]):
         if far_from(stage, here, c, x0, x1):
@@ -269,7 +270,9 @@ def _look_at_walls(stage, i, answers):
         walls.one[0], k = c, walls.size[0]
         touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
                           stage.accounts, x0, x1, v0, u, True)
-        if touch.hit and k < walls.ends.shape[0] and not (
+        least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
+        if touch.hit and touch.v_n < -least - stage.meetings.blur[i] and (
+                k < walls.ends.shape[0]) and not (
                 recall(stage.memory, i, x_count(stage) + c) != NONE
                 and touch.v_n >= -stage.pair_rules.slow):
             walls.ends[k, 0], walls.ends[k, 1] = i, c
@@ -328,6 +331,12 @@ def _is_wall_now(stage, k):
     return _comes_now(stage, stage.walls.ends[k, 0], stage.walls.values[k, ORDER])
 
 
+@inlined
+def _is_passive(stage, i):
+    """Whether other particles can move particle i: its mass is finite."""
+    return stage.matter.inverse[i] > 0.0
+
+
 @kernel
 def _count_parts(stage):
     """Count what each particle takes part in now."""
@@ -338,7 +347,7 @@ def _count_parts(stage):
             meetings.busy[meetings.ends[p, FIRST]] += 1
             meetings.busy[meetings.ends[p, SECOND]] += 1
     for k in range(walls.size[0]):
-        if _is_wall_now(stage, k):
+        if _is_wall_now(stage, k) and _is_passive(stage, walls.ends[k, 0]):
             meetings.busy[walls.ends[k, 0]] += 1
 
 
@@ -392,8 +401,9 @@ def _list_together(stage):
             c += 1
     pairs = c
     for k in range(walls.size[0]):
-        if meetings.busy[walls.ends[k, 0]] > 1 and _is_wall_now(stage, k):
-            a, size = _body_of(stage, size, walls.ends[k, 0])
+        i = walls.ends[k, 0]
+        if meetings.busy[i] > 1 and _is_passive(stage, i) and _is_wall_now(stage, k):
+            a, size = _body_of(stage, size, i)
             if c == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 break
             put_at(pile.bodies, size, FREE, at(walls.values, k, COLLIDER_VELOCITY))
@@ -425,6 +435,10 @@ def _take_over(stage, size, pairs, contacts, turn):
         impulse = at(pile.contacts, c, IMPULSE)
         if dot(impulse, at(pile.contacts, c, NORMAL)) > 0.0:
             a = pile.ends[c, FIRST]
+            for end in range(2 if c < pairs else 1):
+                body = pile.ends[c, end]
+                meetings.blur[pile.particle[body]] += (BLURRED * ROUNDING * length(impulse)
+                                                       * pile.bodies[body, INVERSE])
             _note(meetings, pile.particle[a], turn)
             if c < pairs:
                 _note(meetings, pile.particle[pile.ends[c, SECOND]], turn)
@@ -445,7 +459,7 @@ def _take_over(stage, size, pairs, contacts, turn):
             i = pile.particle[body]
             if pile.body[i] != NONE:
                 pile.body[i] = NONE
-                if meetings.moved[i] == turn:
+                if meetings.moved[i] == turn and _is_passive(stage, i):
                     change(stage, i, at(pile.bodies, body, ENDING), pile.work[body])
 
 
@@ -510,7 +524,7 @@ def _respond(stage, dry, wet, room, turn):
                 together = True
     for k in range(walls.size[0]):
         if _is_wall_now(stage, k):
-            if meetings.busy[walls.ends[k, 0]] == 1:
+            if meetings.busy[walls.ends[k, 0]] == 1 or not _is_passive(stage, walls.ends[k, 0]):
                 _collide_with_wall(stage, k)
                 _note(meetings, walls.ends[k, 0], turn)
                 alone = True
@@ -632,7 +646,8 @@ def collide_all(stage, dry, wet, base):
         _look_again(stage, base, slack, turn, answers)
         turn += 1
     for k in range(meetings.size[2]):
-        meetings.moved[meetings.struck[k]], meetings.hits[meetings.struck[k]] = NONE, 0
+        i = meetings.struck[k]
+        meetings.moved[i], meetings.hits[i], meetings.blur[i] = NONE, 0, 0.0
 
 
 @kernel

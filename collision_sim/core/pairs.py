@@ -75,7 +75,7 @@ class Meetings(NamedTuple):
     with the end. soonest (N,) float64: order of what comes first for a particle; busy (N,) int32:
     what it takes part in; moved, hits (N,) int32: the round in which it has collided last, and how
     often it has; struck (N,) int32: who has collided; near (N,) int8: whether its colliders have
-    been looked at.
+    been looked at; blur (N,) float64 [m/s]: rounding of its velocity that heavy neighbours leave; heat (N,) int8: of piles.py.
     """
 
     ends: np.ndarray
@@ -93,6 +93,8 @@ class Meetings(NamedTuple):
     hits: np.ndarray
     struck: np.ndarray
     near: np.ndarray
+    blur: np.ndarray
+    heat: np.ndarray
 
 
 def make_meetings(pairs, count, old=None):
@@ -101,6 +103,7 @@ def make_meetings(pairs, count, old=None):
         np.full(count, NONE, dtype=np.int32), np.full(count, inf),
         np.zeros(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
         np.zeros(count, dtype=np.int32), np.empty(count, dtype=np.int32),
+        np.zeros(count, dtype=np.int8), np.zeros(count),
         np.zeros(count, dtype=np.int8))
     return Meetings(
         np.empty((pairs, 2), dtype=np.int32), np.empty(pairs, dtype=np.int32), np.empty(pairs),
@@ -212,7 +215,7 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
     least = ROUNDING * (largest(vi) + largest(vj) + largest(column(candidates.u, i))
-                        + largest(column(candidates.u, j)))
+                        + largest(column(candidates.u, j))) + meetings.blur[i] + meetings.blur[j]
     if meetings.known[p] != NONE:
         least = max(least, slow)
     if not dot(n, relative) < -least or (

@@ -33,7 +33,8 @@ from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
-IN_CONTACT = -2         # mark of a pair that is in contact, instead of a round
+IN_CONTACT, MET_ANEW = -2, -3   # marks of a pair that is in contact, instead of a round
+HOT = 1                 # mark of a particle whose contacts are solved again
 TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they may be apart
 
 
@@ -73,9 +74,8 @@ def _end_bound(part, rests, v_n, gap, mean):
     """Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there."""
     if rests:
         return 0.0
-    if gap > 0.0 and v_n < 0.0:
-        return v_n
-    return min((mean - (1.0 - part) * v_n) / part, 0.0)
+    touching = min((mean - (1.0 - part) * v_n) / part, 0.0)
+    return min(touching, v_n) if gap > 0.0 else touching
 
 
 @inlined
@@ -91,8 +91,17 @@ def _pair_bounds(rules, part, dt, size, x, v, candidates, i, j, rests, n, gap):
     return mean, _end_bound(part, rests, v_n, gap, mean)
 
 
+@inlined
+def _is_in_contact(stage, again, p, i, j, closeness):
+    """Whether pair p is in contact, or again to be solved for."""
+    if again:
+        heat = stage.meetings.heat
+        return stage.meetings.looked[p] <= IN_CONTACT and (heat[i] == HOT or heat[j] == HOT)
+    return closeness <= stage.rules.flight.dt * stage.pair_rules.slow
+
+
 @kernel
-def list_pairs(stage):
+def list_pairs(stage, again):
     """List the pairs that are in contact; how many bodies and contacts there are."""
     rules, pair_rules, meetings = stage.rules, stage.pair_rules, stage.meetings
     x, v, candidates, matter, pile = stage.x, stage.v, stage.candidates, stage.matter, stage.pile
@@ -102,8 +111,10 @@ def list_pairs(stage):
         extent = matter.radius[i] + matter.radius[j]
         gap, n = end_normal(rules.sweep, dt, extent, x, subtract(column(v, i), column(v, j)),
                             candidates, i, j)
-        meetings.looked[p] = NONE
-        if gap <= dt * pair_rules.slow + TOUCH * extent and can_meet(matter, i, j) and (
+        if not again:
+            meetings.looked[p] = NONE
+        if _is_in_contact(stage, again, p, i, j, gap - TOUCH * extent) and (
+                can_meet(matter, i, j)) and (
                 c < pile.ends.shape[0] and size + 2 <= pile.bodies.shape[0]):
             meetings.looked[p] = IN_CONTACT
             known = meetings.known[p]
@@ -139,7 +150,7 @@ def _support(stage, here, x0, c, size, count):
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
     gap, n = end_distance(rules.present.meshes, rules, here, stage.table, poses, c, x0, x1)
-    if not gap <= SUPPORT_REACH * here.radius:
+    if not gap <= SUPPORT_REACH * here.radius + dt * length(u):
         return size, count
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
     known = recall(stage.memory, i, stage.x.shape[1] + c)

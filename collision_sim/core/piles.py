@@ -33,7 +33,8 @@ sweeps of contact_solver.py, which start from the impulses of the last step. Col
 bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
 what they do to it is booked and logged here: response.py finds their particles on the surface.
 Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
-has led, until nobody is met anew, AGAIN times at most.
+has led, for the groups of those that are met anew, AGAIN times at most. In groups of more than
+MOST_AGAIN particles that waits for the next step.
 
 Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at the end; E. Catto
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.
@@ -54,8 +55,8 @@ from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_collisions import follow, here_of, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, put, SECOND
-from collision_sim.core.pile_contacts import (IN_CONTACT, list_pairs, list_supports, remember,
-                                              SUPPORT_REACH)
+from collision_sim.core.pile_contacts import (HOT, IN_CONTACT, list_pairs, list_supports,
+                                              MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
 from collision_sim.core.rules import Here, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE, STICK
 from collision_sim.core.shapes import STATIC
@@ -64,7 +65,9 @@ from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 import numpy as np
 
-AGAIN = 8               # times that the stage is run at most
+AGAIN = 32              # times that the stage is run at most
+MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
+COLD, WARM = 0, 2       # marks of particles beside HOT: nothing, too many to run again
 DEEP = 1e-3             # share of a radius: who is pushed deeper into somebody else meets him anew
 
 
@@ -126,11 +129,11 @@ def _state(dry, laws, pile, c):
 
 
 @kernel
-def _lean(stage, dry, here, pile, c):
+def _lean(stage, ledger, dry, here, pile, c):
     """Add the impulses of a support to the candidate of a particle, and book and log them."""
     i, inverse, part = here.particle, pile.bodies[pile.ends[c, FIRST], INVERSE], stage.pair_rules.part
     collider, n, dt = pile.ends[c, LAW_ROW], at(pile.contacts, c, NORMAL), stage.rules.flight.dt
-    candidates, ledger = stage.candidates, stage.ledger
+    candidates = stage.candidates
     dw, du = scaled(inverse, at(pile.contacts, c, IMPULSE)), scaled(
         inverse, _mean_impulse(part, pile, c))
     w, u = column(candidates.w, i), add_scaled(column(candidates.u, i), 1.0, du)
@@ -148,9 +151,9 @@ def _lean(stage, dry, here, pile, c):
 
 
 @kernel
-def _list(stage, dry, numbers, answers):
+def _list(stage, again, numbers, answers):
     """List all contacts, and group them."""
-    bodies, pairs = list_pairs(stage)
+    bodies, pairs = list_pairs(stage, again)
     size, contacts = bodies, pairs
     if pairs > 0:
         size, contacts = list_supports(stage, bodies, pairs, answers)
@@ -224,7 +227,7 @@ def _settle_large(work, phase, dry, wet, laws, part, pile):
 def _is_met_anew(stage, p):
     """Whether the particles of pair p, not in contact so far, overlap where they now end."""
     i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
-    if stage.meetings.looked[p] == IN_CONTACT or not can_meet(stage.matter, i, j):
+    if not can_meet(stage.matter, i, j):
         return False
     radius = stage.matter.radius
     gap, _ = end_normal(stage.rules.sweep, stage.rules.flight.dt, radius[i] + radius[j], stage.x,
@@ -246,21 +249,55 @@ def _is_at_wall(stage, i, answers):
 
 
 @kernel
+def _spread(stage, i):
+    """
+    Mark all that hang together with particle i by contacts; whether they are few enough.
+
+    The marks of too many say that this has been looked at.
+    """
+    meetings, heat, stack = stage.meetings, stage.meetings.heat, stage.meetings.struck
+    if heat[i] != COLD:
+        return heat[i] == HOT
+    size, done, heat[i], stack[0] = 1, 0, HOT, i
+    while done < size and size <= MOST_AGAIN:
+        code = meetings.head[stack[done]]
+        while code != NONE:
+            p = code >> 1
+            j = meetings.ends[p, 1 - (code & 1)]
+            if meetings.looked[p] <= IN_CONTACT and heat[j] == COLD and stage.matter.inverse[j] > 0.0:
+                heat[j], stack[size] = HOT, j
+                size += 1
+            code = meetings.behind[p, code & 1]
+        done += 1
+    if size > MOST_AGAIN:
+        for k in range(size):
+            heat[stack[k]] = WARM
+    return size <= MOST_AGAIN
+
+
+@kernel
 def _count_met(stage, bodies, base, answers):
-    """Count who is met anew where the pushes have led."""
+    """Count who is met anew where the pushes have led, in groups that are small enough."""
     meetings, pile, met = stage.meetings, stage.pile, 0
-    slack, known, dt = stage.rules.flight.dt * stage.pair_rules.slow, meetings.size[0], (
-        stage.rules.flight.dt)
+    dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
         i = pile.particle[a]
-        radius = stage.matter.radius[i]
-        follow(stage, i, base[i], LOOSE * radius + slack)
-        shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
-        if shift > SUPPORT_REACH * radius:
-            met += _is_at_wall(stage, i, answers)
+        follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for p in range(meetings.size[0]):
-        if p >= known or meetings.looked[p] != IN_CONTACT:
-            met += _is_met_anew(stage, p)
+        for end in range(2):
+            meetings.heat[meetings.ends[p, end]] = COLD
+        if meetings.looked[p] > IN_CONTACT and _is_met_anew(stage, p):
+            meetings.looked[p] = MET_ANEW
+    for p in range(meetings.size[0]):
+        if meetings.looked[p] == MET_ANEW:
+            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+            met += _spread(stage, i if stage.matter.inverse[i] > 0.0 else j)
+    for a in range(bodies):
+        i = pile.particle[a]
+        shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        if shift > SUPPORT_REACH * stage.matter.radius[i] and stage.matter.inverse[i] > 0.0:
+            if _is_at_wall(stage, i, answers):
+                met += _spread(stage, i)
     return met
 
 
@@ -277,7 +314,8 @@ def _end(stage, dry, base, again, numbers, answers):
              bodies, pairs)
     for c in range(pairs, contacts):
         if _presses(pile, c):
-            _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
+            _lean(stage, stage.ledger, dry,
+                  here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
     numbers[MET] = _count_met(stage, bodies, base, answers)
     for p in range(stage.meetings.size[0]):
         i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
@@ -313,7 +351,7 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     if fetch_add(progress, 0, 1) == 0:
-        _list(stage, dry, numbers, answers)
+        _list(stage, again, numbers, answers)
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)
