@@ -17,6 +17,7 @@
 
 from collision_sim.core.around import make_moved
 from collision_sim.core.broad_phase import most_move
+from collision_sim.core.bounces import find_bounces
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
@@ -57,6 +58,8 @@ class PairSolver:
                               1.0 / _each(scene.particles.mass, count))
         self._centre, self._extent = np.empty((3, count)), np.empty(count)
         self._bounds = np.empty((-(-count // BLOCK), BOUNDS))
+        self._bounced = np.empty(count, dtype=np.int32)
+        self._bounces = np.zeros(len(self._bounds), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
         self._cells = None
         self._meetings, self._walls = make_meetings(0, count), make_walls(0)
@@ -110,11 +113,13 @@ class PairSolver:
         parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        if pairs == 0:
+        self._find_bounces(parts, candidates, threads)
+        if pairs == 0 and not self._bounces.any():
             self.forget()
             return
-        if ROOMY * pairs > len(self._meetings.ends):
-            self._make_room(2 * ROOMY * pairs)
+        needed = ROOMY * (pairs + int(self._bounces.sum()))
+        if needed > len(self._meetings.ends):
+            self._make_room(2 * needed)
         self._meetings.size[0] = pairs
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
@@ -123,13 +128,20 @@ class PairSolver:
                       self._meetings, self._memory, self._cells, self._moved, self._pile,
                       self._walls, candidates, parts.table, parts.poses, parts.motion, parts.log,
                       parts.accounts, parts.ledger, parts.x, parts.v)
-        collide_all(stage, self._dry, self._wet, base)
+        collide_all(stage, self._dry, self._wet, base, self._bounced, self._bounces)
         for again in range(AGAIN):
             work = make_work(self._sweeps, self._rules.slow)
             share(settle, threads, work, stage, self._dry, self._wet, base, again > 0)
             if work.numbers[MET] == 0:
                 break
-        part(self._meetings, self._moved)
+        part(self._meetings, self._moved, self._bounced, self._bounces)
+
+    def _find_bounces(self, parts, candidates, threads):
+        """Find who collides with colliders, where nobody sweeps."""
+        if parts.rules.sweep is None and len(parts.table):
+            share(find_bounces, threads, parts.grid, parts.rules, parts.table, parts.poses,
+                  parts.motion, self._matter.radius, self._centre, parts.x, parts.v, candidates,
+                  self._bounced, self._bounces)
 
     def _reaching(self, parts):
         """Extent of each particle without its path, with how far a collider may move it."""
@@ -150,7 +162,7 @@ class PairSolver:
     def _make_room(self, pairs):
         """Make room for a number of pairs."""
         count = len(self._base)
-        bodies = min(2 * pairs, count)
+        bodies = min(4 * pairs, count)
         supports = MOST_SUPPORTS * bodies
         contacts = pairs + supports
         self._meetings = make_meetings(pairs, count, self._meetings)

@@ -23,8 +23,9 @@ those of the coarsest level; who flies farther than a cell of it is wide, in a l
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.cells import coordinate, FIRST, LEVELS, slot_of, SLOTS
-from collision_sim.core.jit import kernel
+from collision_sim.core.cells import (coordinate, EXTENT, FIRST, LEVELS, LOW, MASK, slot_of, SLOTS,
+                                      STRIDE_Y, STRIDE_Z)
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE
 import numpy as np
 
@@ -86,6 +87,29 @@ def _take_out(moved, i):
     moved.behind[other] = moved.behind[i]
 
 
+@inlined
+def _is_plain(levels, k):
+    """Whether the cells of level k have slots of their own, none for those outside its box."""
+    return levels[k, MASK] == -1
+
+
+@kernel
+def _slot_for(cells, moved, centre, extent):
+    """Slot for a centre and an extent [m]; the last one for who flies far."""
+    levels, inverse, far = cells.levels, cells.inverse[0], moved.head.shape[0] - 1
+    if not 2.0 * extent * inverse <= 1.0:
+        return far
+    a, b = coordinate(inverse, centre[0]), coordinate(inverse, centre[1])
+    c = coordinate(inverse, centre[2])
+    if _is_plain(levels, 0):
+        a, b, c = a - levels[0, LOW], b - levels[0, LOW + 1], c - levels[0, LOW + 2]
+        wide, high = levels[0, STRIDE_Y], levels[0, STRIDE_Z]
+        if not (0 <= a < wide and 0 <= b * wide < high and 0 <= c * high < levels[0, SLOTS]):
+            return far
+        return a + wide * b + high * c
+    return slot_of(cells.inverse, levels, 0, centre[0], centre[1], centre[2])
+
+
 @kernel
 def move(cells, moved, i, centre, extent):
     """Note that particle i has another centre and extent [m]."""
@@ -96,71 +120,102 @@ def move(cells, moved, i, centre, extent):
         _take_out(moved, i)
     moved.centre[0, i], moved.centre[1, i], moved.centre[2, i] = centre
     moved.extent[i] = extent
-    slot = moved.head.shape[0] - 1
-    if 2.0 * extent * cells.inverse[0] <= 1.0:
-        slot = slot_of(cells.inverse, cells.levels, 0, centre[0], centre[1], centre[2])
+    slot = _slot_for(cells, moved, centre, extent)
     moved.slot[i], moved.behind[i], moved.head[slot] = slot, moved.head[slot], i
 
 
-@kernel
-def _test(moved, i, j):
-    """Append particle j to what is found if it is near particle i, and was not tested yet."""
-    if moved.seen[j] == moved.size[2]:
-        return
-    moved.seen[j] = moved.size[2]
-    limit = moved.extent[i] + moved.extent[j]
-    dx = moved.centre[0, j] - moved.centre[0, i]
-    dy = moved.centre[1, j] - moved.centre[1, i]
-    dz = moved.centre[2, j] - moved.centre[2, i]
-    if i != j and dx * dx + dy * dy + dz * dz < limit * limit:
+@inlined
+def _append(moved, j):
+    """Append particle j to what is found, unless it is there."""
+    if moved.seen[j] != moved.size[2]:
+        moved.seen[j] = moved.size[2]
         moved.found[moved.size[1]] = j
         moved.size[1] += 1
 
 
 @kernel
-def _test_list(moved, i, slot):
-    """Test those that have moved to a slot."""
-    other = moved.head[slot]
-    while other != NONE:
-        _test(moved, i, other)
-        other = moved.behind[other]
+def _test(moved, i, j):
+    """Append particle j, which has moved, if it is near particle i."""
+    limit = moved.extent[i] + moved.extent[j]
+    dx = moved.centre[0, j] - moved.centre[0, i]
+    dy = moved.centre[1, j] - moved.centre[1, i]
+    dz = moved.centre[2, j] - moved.centre[2, i]
+    if i != j and dx * dx + dy * dy + dz * dz < limit * limit:
+        _append(moved, j)
+
+
+@kernel
+def _test_lists(moved, i, first, last):
+    """Test those that have moved to some slots."""
+    for slot in range(first, last):
+        other = moved.head[slot]
+        while other != NONE:
+            _test(moved, i, other)
+            other = moved.behind[other]
 
 
 @kernel
 def _test_rows(cells, moved, i, first, last):
     """Test those that are where the grid has them, in some rows of it."""
+    rows, x, y, z = cells.rows, moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     for row in range(first, last):
-        j = cells.particle[row]
-        if moved.slot[j] == NONE:
-            _test(moved, i, j)
+        dx, dy, dz = rows[row, 0] - x, rows[row, 1] - y, rows[row, 2] - z
+        limit = rows[row, EXTENT] + moved.extent[i]
+        if dx * dx + dy * dy + dz * dz < limit * limit:
+            j = cells.particle[row]
+            if moved.slot[j] == NONE:
+                _append(moved, j)
+
+
+@kernel
+def _test_run(cells, moved, k, i, slot, count):
+    """Test all in a run of slots of level k."""
+    first = cells.levels[k, FIRST] + slot
+    _test_rows(cells, moved, i, cells.start[first], cells.start[first + count])
+    if k == 0:
+        _test_lists(moved, i, slot, slot + count)
+
+
+@kernel
+def _test_all(cells, moved, k, i):
+    """Test all in level k, but who flies far."""
+    first = cells.levels[k, FIRST]
+    _test_rows(cells, moved, i, cells.start[first], cells.start[first + cells.levels[k, SLOTS]])
+    if k == 0:
+        for m in range(moved.size[0]):
+            if moved.slot[moved.who[m]] < moved.head.shape[0] - 1:
+                _test(moved, i, moved.who[m])
 
 
 @kernel
 def _look_in(cells, moved, k, i):
     """Look for those that are near particle i in level k."""
-    levels, first, inverse = cells.levels, cells.levels[k, FIRST], cells.inverse[k]
+    levels, inverse = cells.levels, cells.inverse[k]
     reach = moved.extent[i] + 0.5 / inverse
     x, y, z = moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     ax, bx = coordinate(inverse, x - reach), coordinate(inverse, x + reach)
     ay, by = coordinate(inverse, y - reach), coordinate(inverse, y + reach)
     az, bz = coordinate(inverse, z - reach), coordinate(inverse, z + reach)
     if (bx - ax + 1.0) * (by - ay + 1.0) * (bz - az + 1.0) > MOST_CELLS:
-        _test_rows(cells, moved, i, cells.start[first], cells.start[first + levels[k, SLOTS]])
-        if k == 0:
-            for m in range(moved.size[0]):
-                if moved.slot[moved.who[m]] < moved.head.shape[0] - 1:
-                    _test(moved, i, moved.who[m])
-        return
-    width = 1.0 / inverse
-    for c in range(az, bz + 1):
-        for b in range(ay, by + 1):
-            for a in range(ax, bx + 1):
-                slot = slot_of(cells.inverse, levels, k, (a + 0.5) * width, (b + 0.5) * width,
-                               (c + 0.5) * width)
-                _test_rows(cells, moved, i, cells.start[first + slot],
-                           cells.start[first + slot + 1])
-                if k == 0:
-                    _test_list(moved, i, slot)
+        _test_all(cells, moved, k, i)
+    elif _is_plain(levels, k):
+        wide, high = levels[k, STRIDE_Y], levels[k, STRIDE_Z]
+        ax, bx = max(ax - levels[k, LOW], 0), min(bx - levels[k, LOW], wide - 1)
+        ay, by = max(ay - levels[k, LOW + 1], 0), min(by - levels[k, LOW + 1], high // wide - 1)
+        az = max(az - levels[k, LOW + 2], 0)
+        bz = min(bz - levels[k, LOW + 2], levels[k, SLOTS] // high - 1)
+        if ax <= bx:
+            for c in range(az, bz + 1):
+                for b in range(ay, by + 1):
+                    _test_run(cells, moved, k, i, ax + wide * b + high * c, bx - ax + 1)
+    else:
+        width = 1.0 / inverse
+        for c in range(az, bz + 1):
+            for b in range(ay, by + 1):
+                for a in range(ax, bx + 1):
+                    slot = slot_of(cells.inverse, levels, k, (a + 0.5) * width, (b + 0.5) * width,
+                                   (c + 0.5) * width)
+                    _test_run(cells, moved, k, i, slot, 1)
 
 
 @kernel
@@ -185,4 +240,4 @@ def find_around(cells, moved, i):
     for k in range(LEVELS):
         if cells.levels[k, SLOTS] > 0:
             _look_in(cells, moved, k, i)
-    _test_list(moved, i, moved.head.shape[0] - 1)
+    _test_lists(moved, i, moved.head.shape[0] - 1, moved.head.shape[0])

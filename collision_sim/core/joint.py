@@ -24,28 +24,32 @@ factors, so the ratio of masses costs no sweeps. Where contacts are redundant, a
 a table are, their impulses are not unique: SHIFT on the diagonal chooses among them, and is taken
 out again by repeating the solution from the last one (proximal point, Rockafellar 1976).
 
-Friction acts along the surface of each contact, with a bound by its normal impulse: sweeps there
-and back over the contacts, and the normal impulses anew, until nothing changes. What comes out is
-tested: impulses that would bring energy, in the frames of those that touch, are made smaller.
+Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
+stay within it stick: one linear system for all of them; a sweep there and back over all contacts
+then finds who slides. That and the normal impulses are solved anew until nothing changes. What
+comes out is tested: impulses that would bring energy, in the frames of those that touch, are made
+smaller.
 """
 
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
                                                LAW_ROW, MASS, MEAN, MEAN_BOUND, NORMAL, PUSH, push,
                                                put_at, slide)
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
-from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+from collision_sim.core.rules import ROUNDING
+from collision_sim.core.shapes import RESTITUTION, STATIC
+from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 import numpy as np
 
 MOST = 64               # contacts that are solved for at once
 SHIFT = 1e-11           # on a diagonal of ones
 PASSES = 4              # of the proximal point
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
-TURNS = 60              # of normal impulses and friction
+TURNS = 40              # of normal impulses and friction
+NEARLY = 1e-9           # such a share that does not fall any more is rounding
 SETTLED = 1e-13         # change in a turn as a share of the largest speed: nothing changes
 BLUR = 2.0 ** -49       # of a sum of products, relative to the sum of their sizes
 # Rows of the vectors: what the impulses have to bring, impulses, those of the last pass, and how
@@ -60,7 +64,9 @@ class Room(NamedTuple):
     matrix (MOST, MOST): what a unit impulse of each brings to the normal velocity of each, both
     scaled by the square roots of the effective masses; factor (MOST, MOST): Cholesky factor of the
     rows `pushed`; vectors (VECTORS, MOST); pushed (MOST,) int64: contacts with an impulse, in
-    order; state (2, MOST) int64: whether a contact has one, now and in the factor.
+    order; state (2, MOST) int64: whether a contact has one, now and in the factor. along
+    (2 MOST, 3), holding (2 MOST, 2 MOST), slips (2 MOST,): of those that stick, two directions
+    along the surface of each, the factor of their matrix, and what ends their slips.
     """
 
     matrix: np.ndarray
@@ -68,23 +74,34 @@ class Room(NamedTuple):
     vectors: np.ndarray
     pushed: np.ndarray
     state: np.ndarray
+    along: np.ndarray
+    holding: np.ndarray
+    slips: np.ndarray
+
+
+@inlined
+def _shared(pile, c, d):
+    """What an impulse of contact d brings to the relative velocity at contact c [1/kg]."""
+    bodies, ends = pile.bodies, pile.ends
+    a, b, shared = ends[c, FIRST], ends[c, SECOND], 0.0
+    for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
+        if ends[d, end] == a:
+            shared += sign * bodies[a, INVERSE]
+        if ends[d, end] == b:
+            shared -= sign * bodies[b, INVERSE]
+    return shared
 
 
 @kernel
 def _lay_out(pile, first, count, room):
     """Write the matrix of some contacts, and let none of them push."""
-    bodies, contacts, ends = pile.bodies, pile.contacts, pile.ends
+    contacts = pile.contacts
     for k in range(count):
         c = pile.member[first + k]
-        a, b, n = ends[c, FIRST], ends[c, SECOND], at(contacts, c, NORMAL)
+        n = at(contacts, c, NORMAL)
         for m in range(k):
-            d, shared = pile.member[first + m], 0.0
-            for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
-                if ends[d, end] == a:
-                    shared += sign * bodies[a, INVERSE]
-                if ends[d, end] == b:
-                    shared -= sign * bodies[b, INVERSE]
-            entry = 0.0
+            d = pile.member[first + m]
+            shared, entry = _shared(pile, c, d), 0.0
             if shared != 0.0:
                 entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
                     n, at(contacts, d, NORMAL))
@@ -92,6 +109,14 @@ def _lay_out(pile, first, count, room):
         room.matrix[k, k] = 1.0
         room.vectors[FORCE, k] = 0.0
         room.state[0, k] = room.state[1, k] = 0
+
+
+@law
+def make_room():
+    """Allocate the scratch of a thread."""
+    return Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
+                np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64),
+                np.empty((2 * MOST, 3)), np.empty((2 * MOST, 2 * MOST)), np.empty(2 * MOST))
 
 
 @kernel
@@ -257,6 +282,13 @@ def _rub(dry, wet, laws, pile, c, pressing):
 def _rub_all(dry, wet, laws, pile, first, count, room):
     """Give all contacts their friction, there and back; the largest change of velocity [m/s]."""
     fastest = 0.0
+    if count > 1:
+        for k in range(count):      # friction so far, with the normal impulse that there is now
+            c = pile.member[first + k]
+            n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+            pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+            put_at(pile.contacts, c, IMPULSE, add_scaled(impulse, pressing - dot(impulse, n), n))
+        _hold(dry, laws, pile, first, count, room)
     for turn in range(2 if count > 1 else 1):
         for m in range(count):
             k = m if turn == 0 else count - 1 - m
@@ -264,6 +296,71 @@ def _rub_all(dry, wet, laws, pile, first, count, room):
             pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
             fastest = max(fastest, _rub(dry, wet, laws, pile, c, pressing))
     return fastest
+
+
+@inlined
+def _across(n):
+    """Two unit vectors along the surface with the normal n."""
+    x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
+    axis = (1.0, 0.0, 0.0) if x <= y and x <= z else (
+        (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
+    one = cross(n, axis)
+    one = scaled(1.0 / length(one), one)
+    return one, cross(n, one)
+
+
+@kernel
+def _list_holding(dry, laws, pile, first, count, room):
+    """List the directions of those that stick; how many contacts there are of them."""
+    size = 0
+    if dry is not None:
+        for k in range(count):
+            c = pile.member[first + k]
+            n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+            bound = laws[pile.ends[c, LAW_ROW], STATIC] * sqrt(pile.contacts[c, MASS]) * (
+                room.vectors[FORCE, k])
+            if length(add_scaled(impulse, -dot(impulse, n), n)) < bound * (1.0 - ROUNDING):
+                one, other = _across(n)
+                put_at(room.along, 2 * size, 0, one)
+                put_at(room.along, 2 * size + 1, 0, other)
+                room.pushed[size] = c
+                size += 1
+    return size
+
+
+@kernel
+def _hold(dry, laws, pile, first, count, room):
+    """End the slip of all those at once that stick."""
+    size, factor, slips, along = _list_holding(dry, laws, pile, first, count, room), (
+        room.holding), room.slips, room.along
+    contacts, pushed = pile.contacts, room.pushed
+    for a in range(2 * size):
+        c = pushed[a // 2]
+        for b in range(a + 1):
+            d = pushed[b // 2]
+            entry = 1.0 + SHIFT if a == b else 0.0
+            if c != d:
+                shared = _shared(pile, c, d)
+                if shared != 0.0:
+                    entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
+                        at(along, a, 0), at(along, b, 0))
+            for k in range(b):
+                entry -= factor[a, k] * factor[b, k]
+            factor[a, b] = sqrt(max(entry, 0.5 * SHIFT)) if a == b else entry / factor[b, b]
+        value = -sqrt(contacts[c, MASS]) * dot(approach_of(pile, c, ENDING), at(along, a, 0))
+        for b in range(a):
+            value -= factor[a, b] * slips[b]
+        slips[a] = value / factor[a, a]
+    for a in range(2 * size - 1, -1, -1):
+        value = slips[a]
+        for b in range(a + 1, 2 * size):
+            value -= factor[b, a] * slips[b]
+        slips[a] = value / factor[a, a]
+    for a in range(2 * size):
+        c = pushed[a // 2]
+        impulse = scaled(sqrt(contacts[c, MASS]) * slips[a], at(along, a, 0))
+        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, impulse)
+        put_at(contacts, c, IMPULSE, add_scaled(at(contacts, c, IMPULSE), 1.0, impulse))
 
 
 @kernel
@@ -315,8 +412,11 @@ def _begin(pile, first, count, room):
 
 
 @inlined
-def _has_friction(dry, wet):
-    return dry is not None or wet is not None
+def _is_done(dry, wet, change, before, speed):
+    """Whether friction has found its impulses, for the changes of two turns and a speed."""
+    if dry is None and wet is None:
+        return True
+    return not change > SETTLED * speed or (before <= NEARLY * speed and change >= 0.5 * before)
 
 
 @kernel
@@ -341,12 +441,13 @@ def settle_group(dry, wet, laws, part, pile, first, count, room):
     """
     contacts = pile.contacts
     _begin(pile, first, count, room)
-    enough = SETTLED * _largest_speed(pile, first, count)
+    speed, before = _largest_speed(pile, first, count), inf
     for _ in range(TURNS):
         _press_normally(pile, first, count, room, ENDING, END_BOUND)
-        if not _rub_all(dry, wet, laws, pile, first, count, room) > enough or (
-                not _has_friction(dry, wet)):
+        change = _rub_all(dry, wet, laws, pile, first, count, room)
+        if _is_done(dry, wet, change, before, speed):
             break
+        before = change
     restrain(pile, first, count)
     for k in range(count):
         c = pile.member[first + k]
@@ -405,9 +506,10 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     _bounce(laws, pile, first, count, room)
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
-    enough = SETTLED * _largest_speed(pile, first, count)
+    speed, before = _largest_speed(pile, first, count), inf
     for _ in range(TURNS):
-        if not _rub_all(dry, wet, laws, pile, first, count, room) > enough or (
-                not _has_friction(dry, wet)):
+        change = _rub_all(dry, wet, laws, pile, first, count, room)
+        if _is_done(dry, wet, change, before, speed):
             break
+        before = change
     restrain(pile, first, count)

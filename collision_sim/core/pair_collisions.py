@@ -46,8 +46,8 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPU
 from collision_sim.core.detection import detect, distance
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.impulses import dry_factor, wet_factor
-from collision_sim.core.jit import inlined, kernel, law
-from collision_sim.core.joint import collide_group, MOST, Room, VECTORS
+from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.joint import collide_group, make_room, MOST
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
@@ -65,6 +65,7 @@ import numpy as np
 
 TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
+AWAY, AT_WALL = 1, 2    # marks of particles whose colliders were looked at: none is near, or one
 LOOSE = 0.01            # share of its radius that a particle may leave its path by unnoticed
 # Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
 # and normal, velocity of the collider, point.
@@ -267,6 +268,7 @@ def _look_at_walls(stage, i, answers):
     for c in range(stage.table.shape[0]):
         if far_from(stage, here, c, x0, x1):
             continue
+        stage.meetings.near[i] = AT_WALL
         walls.one[0], k = c, walls.size[0]
         touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
                           stage.accounts, x0, x1, v0, u, True)
@@ -586,8 +588,8 @@ def _look_again(stage, base, slack, turn, answers):
         i = meetings.struck[k]
         if meetings.moved[i] == turn:
             _look_at_pairs(stage, i, turn)
+            meetings.near[i] = max(meetings.near[i], AWAY)
             _look_at_walls(stage, i, answers)
-            meetings.near[i] = 1
     for p in range(known, meetings.size[0]):
         _meet_walls_of(stage, p, answers)
 
@@ -596,14 +598,19 @@ def _look_again(stage, base, slack, turn, answers):
 def _meet_walls_of(stage, p, answers):
     """Look at the colliders of the particles of pair p, if nobody has yet."""
     for end in range(2):
-        i = stage.meetings.ends[p, end]
-        if stage.meetings.near[i] == 0:
-            stage.meetings.near[i] = 1
-            _look_at_walls(stage, i, answers)
+        _meet_walls(stage, stage.meetings.ends[p, end], answers)
 
 
 @kernel
-def _begin(stage, answers):
+def _meet_walls(stage, i, answers):
+    """Look at the colliders of particle i, if nobody has yet."""
+    if stage.meetings.near[i] == 0:
+        stage.meetings.near[i] = AWAY
+        _look_at_walls(stage, i, answers)
+
+
+@kernel
+def _begin(stage, bounced, bounces, answers):
     """List what collides to begin with."""
     meetings = stage.meetings
     meetings.size[1] = meetings.size[2] = stage.walls.size[0] = 0
@@ -615,10 +622,13 @@ def _begin(stage, answers):
             meetings.size[1] += 1
     for p in range(meetings.size[0]):
         _meet_walls_of(stage, p, answers)
+    for block in range(bounces.shape[0]):
+        for k in range(block * BLOCK, block * BLOCK + bounces[block]):
+            _meet_walls(stage, bounced[k], answers)
 
 
-@law
-def collide_all(stage, dry, wet, base):
+@entry
+def collide_all(stage, dry, wet, base, bounced, bounces):
     """
     Run the collision stage between particles.
 
@@ -630,14 +640,15 @@ def collide_all(stage, dry, wet, base):
         1 if pairs or colliders have such friction.
     base : (N,) float64 [m]
         Extent of each particle without its path.
+    bounced, bounces
+        Of bounces.find_bounces.
 
     """
-    room = Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
-                np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64))
+    room = make_room()
     answers = keep_answers(stage.rules.present.meshes, stage.table)
     meetings, turn, going = stage.meetings, 0, True
     slack = stage.rules.flight.dt * stage.pair_rules.slow
-    _begin(stage, answers)
+    _begin(stage, bounced, bounces, answers)
     while going:
         _choose(stage)
         _count_parts(stage)
@@ -651,9 +662,12 @@ def collide_all(stage, dry, wet, base):
 
 
 @kernel
-def part_all(meetings):
+def part_all(meetings, bounced, bounces):
     """Forget the pairs of a step."""
     for p in range(meetings.size[0]):
         for end in range(2):
             meetings.head[meetings.ends[p, end]] = NONE
             meetings.near[meetings.ends[p, end]] = 0
+    for block in range(bounces.shape[0]):
+        for k in range(block * BLOCK, block * BLOCK + bounces[block]):
+            meetings.near[bounced[k]] = 0

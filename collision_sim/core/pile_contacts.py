@@ -39,7 +39,7 @@ TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they 
 
 
 @kernel
-def _body_of(pile, size, candidates, inverse, i):
+def body_of(pile, size, candidates, inverse, i):
     """Body of particle i; a new one, behind `size` others, if it has none; and their number."""
     if pile.body[i] != NONE:
         return pile.body[i], size
@@ -120,8 +120,8 @@ def list_pairs(stage, again):
             known = meetings.known[p]
             mean, end = _pair_bounds(rules, pair_rules.part, dt, extent, x, v, candidates, i, j,
                                      known != NONE, n, gap)
-            a, size = _body_of(pile, size, candidates, matter.inverse, i)
-            b, size = _body_of(pile, size, candidates, matter.inverse, j)
+            a, size = body_of(pile, size, candidates, matter.inverse, i)
+            b, size = body_of(pile, size, candidates, matter.inverse, j)
             _add_contact(pile, stage.memory, c, a, b, law, n, mean, end, known,
                          1.0 if i < j else -1.0)
             c += 1

@@ -48,14 +48,14 @@ from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLO
 from collision_sim.core.detection import end_distance
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
-from collision_sim.core.joint import MOST, restrain, Room, settle_group, VECTORS
+from collision_sim.core.joint import make_room, MOST, restrain, settle_group
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.pair_collisions import follow, here_of, LOOSE, part_all
+from collision_sim.core.pair_collisions import AT_WALL, follow, here_of, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, put, SECOND
-from collision_sim.core.pile_contacts import (HOT, IN_CONTACT, list_pairs, list_supports,
+from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
                                               MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
 from collision_sim.core.rules import Here, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE, STICK
@@ -68,7 +68,7 @@ import numpy as np
 AGAIN = 32              # times that the stage is run at most
 MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
 COLD, WARM = 0, 2       # marks of particles beside HOT: nothing, too many to run again
-DEEP = 1e-3             # share of a radius: who is pushed deeper into somebody else meets him anew
+DEEP = 1e-5             # share of a radius: who is pushed deeper into somebody else meets him anew
 
 
 @kernel
@@ -151,11 +151,40 @@ def _lean(stage, ledger, dry, here, pile, c):
 
 
 @kernel
+def _is_at_wall(stage, i, answers):
+    """Whether particle i now ends inside a collider."""
+    x0, here = column(stage.x, i), here_of(stage, i, answers)
+    x1 = add_scaled(x0, stage.rules.flight.dt, column(stage.candidates.u, i))
+    for c in range(stage.table.shape[0]):
+        stage.walls.one[0] = c
+        if end_distance(stage.rules.present.meshes, stage.rules, here, stage.table, stage.poses, c,
+                        x0, x1)[0] < -DEEP * here.radius:
+            return True
+    return False
+
+
+@kernel
+def _list_at_walls(stage, bodies, answers):
+    """List those near somebody else that a collider is going to push; how many bodies there are."""
+    meetings, pile = stage.meetings, stage.pile
+    for p in range(meetings.size[0]):
+        for end in range(2):
+            i = meetings.ends[p, end]
+            if meetings.near[i] == AT_WALL and pile.body[i] == NONE and (
+                    2 * bodies < pile.bodies.shape[0]) and stage.matter.inverse[i] > 0.0:
+                if _is_at_wall(stage, i, answers):
+                    _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+    return bodies
+
+
+@kernel
 def _list(stage, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
+    if not again:
+        bodies = _list_at_walls(stage, bodies, answers)
     size, contacts = bodies, pairs
-    if pairs > 0:
+    if bodies > 0:
         size, contacts = list_supports(stage, bodies, pairs, answers)
     groups, pile = group_contacts(stage.pile, size, contacts), stage.pile
     for g in range(groups):
@@ -233,19 +262,6 @@ def _is_met_anew(stage, p):
     gap, _ = end_normal(stage.rules.sweep, stage.rules.flight.dt, radius[i] + radius[j], stage.x,
                         subtract(column(stage.v, i), column(stage.v, j)), stage.candidates, i, j)
     return gap < -DEEP * max(radius[i], radius[j])
-
-
-@kernel
-def _is_at_wall(stage, i, answers):
-    """Whether particle i now ends inside a collider."""
-    x0, here = column(stage.x, i), here_of(stage, i, answers)
-    x1 = add_scaled(x0, stage.rules.flight.dt, column(stage.candidates.u, i))
-    for c in range(stage.table.shape[0]):
-        stage.walls.one[0] = c
-        if end_distance(stage.rules.present.meshes, stage.rules, here, stage.table, stage.poses, c,
-                        x0, x1)[0] < -DEEP * here.radius:
-            return True
-    return False
 
 
 @kernel
@@ -345,8 +361,7 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
     """
     numbers, progress, pile = work.numbers, work.progress, stage.pile
     laws, part = stage.pair_rules.laws, stage.pair_rules.part
-    room = Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
-                np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64))
+    room = make_room()
     answers = keep_answers(stage.rules.present.meshes, stage.table)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
@@ -364,7 +379,7 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
 
 
 @entry
-def part(meetings, moved):
+def part(meetings, moved, bounced, bounces):
     """Forget the pairs of a step, and who has moved in it."""
-    part_all(meetings)
+    part_all(meetings, bounced, bounces)
     forget_moved(moved)

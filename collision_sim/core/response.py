@@ -34,7 +34,7 @@ from collision_sim.core.candidates import candidate_of, fly_anew, is_settled
 from collision_sim.core.detection import (approach, detect, distance, is_path_clear,
                                           is_same_surface, rounding_depth)
 from collision_sim.core.impulses import joint_law, respond, shares
-from collision_sim.core.jit import inlined
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book_collision, book_contact, book_joint, book_placing,
                                        book_shift, lost_in_pass, REPULSED)
@@ -45,7 +45,9 @@ from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, 
                                       PARALLEL, POINT, REPULSION, SLIDE, STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.vectors import add, add_scaled, dot, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
+
+SLIGHT = 1e-6           # share of a radius that is nothing but what the contacts of a pile leave over
 
 
 @inlined
@@ -249,6 +251,24 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
     return passed
 
 
+@kernel
+def rest_where_led(rules, here, table, poses, motion, ledger, x0, u):
+    """
+    Place where pairs have led a particle (`candidates.settled`), and whether it may stay there.
+
+    It may where it ends in no collider, or in one by so little that it is only put on the surface:
+    what pairs have left it of its velocity is right as it is.
+    """
+    x1 = add_scaled(x0, rules.flight.dt, u)
+    place, c, _ = push_out(rules, here, table, poses, motion, x0, x1)
+    shift = subtract(place, x1)
+    stays = c == NONE and length(shift) <= SLIGHT * here.radius and is_path_clear(
+        rules.sweep, rules, here, table, poses, motion, x0, place)
+    if stays:
+        book_shift(ledger, here, REPULSED, shift)
+    return place, stays
+
+
 @inlined
 def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None,
             candidates=None):
@@ -276,6 +296,10 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
     u, w = candidate_of(candidates, rules.flight, here.particle, v0)
     free = u, w
     settled = is_settled(candidates, here.particle)
+    if settled:
+        place, stays = rest_where_led(rules, here, table, poses, motion, ledger, x0, u)
+        if stays:
+            return place, w
     hits, passes, lawful = 0, 0, settled
     last, other = NOTHING, NOTHING
     while True:
