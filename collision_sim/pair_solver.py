@@ -16,8 +16,8 @@
 """Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
 
 from collision_sim.core.around import make_moved
-from collision_sim.core.broad_phase import most_move
 from collision_sim.core.bounces import find_bounces
+from collision_sim.core.broad_phase import most_move
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,

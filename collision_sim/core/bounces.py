@@ -40,7 +40,8 @@ def _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i):
         phi, n = signed_distance(rules.present, table, poses, end, c, place)
         if phi < radius[i]:
             obj = point_velocity(motion, poses, 0, START, 0, c, column(x, i))
-            least = ROUNDING * (largest(velocity) + largest(obj) + largest(column(candidates.u, i)))
+            least = ROUNDING * (largest(velocity) + largest(obj)
+                                + largest(column(candidates.u, i)))
             if dot(n, subtract(velocity, obj)) < -least:
                 return True
     return False

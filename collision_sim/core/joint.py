@@ -300,7 +300,7 @@ def _rub_all(dry, wet, laws, pile, first, count, room):
 
 @inlined
 def _across(n):
-    """Two unit vectors along the surface with the normal n."""
+    """Find two unit vectors along the surface with the normal n."""
     x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
     axis = (1.0, 0.0, 0.0) if x <= y and x <= z else (
         (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))

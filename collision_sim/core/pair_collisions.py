@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-The collision stage between particles, and of these with colliders: elastic, on the velocities at
-the start of the step.
+The collision stage between particles, and with the colliders near them.
+
+It is elastic, and acts on the velocities at the start of the step.
 
 Two particles collide if they meet and approach each other, as pairs.py says; a particle that is
 near another one collides with a collider as response.py says. Who pressed on each other when the
@@ -26,13 +27,13 @@ energy. Balls do not spin: friction at their surfaces does not conserve angular 
 their centres.
 
 What happens at once is answered at once: all collisions of a round that have a particle in common,
-by joint.collide_group. Without sweeps all that meet at the end of the step do so; with sweeps those
-that come first for all that take part, to TIE. Then their candidates are flown anew, the pairs and
-colliders of who has collided are looked at again, with whoever is near its new path, and the next
-round follows until nobody collides. So in a row at rest the push goes from ball to ball, and the
-last one leaves. A particle collides MOST_HITS times in a step; what is left is for the contact
-stage, in piles.py. Of more than joint.MOST collisions at once those come first that are deepest, or
-earliest, for both of their particles. Nothing depends on the order of the particles.
+by joint.collide_group. Without sweeps all that meet at the end of the step do so; with sweeps
+those that come first for all that take part, to TIE. Then their candidates are flown anew, the
+pairs and colliders of who has collided are looked at again, with whoever is near its new path, and
+the next round follows until nobody collides. So in a row at rest the push goes from ball to ball,
+and the last one leaves. A particle collides MOST_HITS times in a step; what is left is for the
+contact stage, in piles.py. Of more than joint.MOST collisions at once those come first that are
+deepest, or earliest, for both of their particles. Nothing depends on the order of the particles.
 """
 
 from math import inf
@@ -52,8 +53,8 @@ from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_memory import Memory, recall
-from collision_sim.core.pairs import (can_meet, column, FIRST, look_at, Matter, Meetings, MOST_HITS,
-                                      PairRules, put, SECOND)
+from collision_sim.core.pairs import (can_meet, column, FIRST, look_at, Matter, Meetings,
+                                      MOST_HITS, PairRules, put, SECOND)
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,

@@ -68,14 +68,15 @@ class Meetings(NamedTuple):
 
     ends (P, 2) int32: their particles; known (P,) int32: row of the memory, NONE for those that
     did not press; order (P,) float64: when or how deep they meet, inf for those that do not
-    collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that collide;
-    looked (P,) int32: round in which a pair was looked at last; size (3,) int64: how many pairs
-    there are, how many are active, how many particles have collided. head (N,), behind (P, 2)
-    int32: the last pair of each particle, and for each end of a pair the one before, times two and
-    with the end. soonest (N,) float64: order of what comes first for a particle; busy (N,) int32:
-    what it takes part in; moved, hits (N,) int32: the round in which it has collided last, and how
-    often it has; struck (N,) int32: who has collided; near (N,) int8: whether its colliders have
-    been looked at; blur (N,) float64 [m/s]: rounding of its velocity that heavy neighbours leave; heat (N,) int8: of piles.py.
+    collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
+    collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
+    size (3,) int64: how many pairs there are, how many are active, how many particles have
+    collided. head (N,), behind (P, 2) int32: the last pair of each particle, and for each end of a
+    pair the one before, times two and with the end. soonest (N,) float64: order of what comes
+    first for a particle; busy (N,) int32: what it takes part in; moved, hits (N,) int32: the round
+    in which it has collided last, and how often it has; struck (N,) int32: who has collided; near
+    (N,) int8: whether its colliders have been looked at; blur (N,) float64 [m/s]: rounding of its
+    velocity that heavy neighbours leave; heat (N,) int8: of piles.py.
     """
 
     ends: np.ndarray
@@ -186,12 +187,16 @@ def end_normal(sweep, dt, size, x, v, candidates, i, j):
     """
     Gap [m] of two particles where their candidates end, along the normal to act on, and that.
 
-    The normal is that at the end, unless they have passed each other; the gap is then how far they
-    are from where they have met.
+    The normal is that at the end, unless they have passed each other, or with sweeps meet on the
+    way only; the gap is then how far they are from where they have met.
     """
     end = apart_at_end(dt, x, candidates, i, j)
     distance, n = direction(end, v)
-    if have_passed(x, end, i, j) and (distance < size or sweep is not None):
+    if distance < size:
+        met = have_passed(x, end, i, j)
+    else:
+        met = sweep is not None
+    if met:
         share, n_met = meet_on_way(dt, size, x, v, candidates, i, j)
         if share <= 1.0:
             return dot(end, n_met) - size, n_met

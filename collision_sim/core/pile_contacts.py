@@ -26,8 +26,8 @@ from collision_sim.core.detection import end_distance, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
-from collision_sim.core.pair_memory import forget, keep, recall
 from collision_sim.core.pair_collisions import here_of
+from collision_sim.core.pair_memory import forget, keep, recall
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
@@ -146,7 +146,8 @@ def _support(stage, here, x0, c, size, count):
 
     One of infinite mass is carried right away: no impulse of the pile would change that.
     """
-    i, rules, poses, motion, pile = here.particle, stage.rules, stage.poses, stage.motion, stage.pile
+    i, rules, pile = here.particle, stage.rules, stage.pile
+    poses, motion = stage.poses, stage.motion
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
     gap, n = end_distance(rules.present.meshes, rules, here, stage.table, poses, c, x0, x1)

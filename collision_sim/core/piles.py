@@ -63,7 +63,6 @@ from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
-import numpy as np
 
 AGAIN = 32              # times that the stage is run at most
 MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
@@ -131,7 +130,8 @@ def _state(dry, laws, pile, c):
 @kernel
 def _lean(stage, ledger, dry, here, pile, c):
     """Add the impulses of a support to the candidate of a particle, and book and log them."""
-    i, inverse, part = here.particle, pile.bodies[pile.ends[c, FIRST], INVERSE], stage.pair_rules.part
+    i, part = here.particle, stage.pair_rules.part
+    inverse = pile.bodies[pile.ends[c, FIRST], INVERSE]
     collider, n, dt = pile.ends[c, LAW_ROW], at(pile.contacts, c, NORMAL), stage.rules.flight.dt
     candidates = stage.candidates
     dw, du = scaled(inverse, at(pile.contacts, c, IMPULSE)), scaled(
@@ -280,7 +280,8 @@ def _spread(stage, i):
         while code != NONE:
             p = code >> 1
             j = meetings.ends[p, 1 - (code & 1)]
-            if meetings.looked[p] <= IN_CONTACT and heat[j] == COLD and stage.matter.inverse[j] > 0.0:
+            if meetings.looked[p] <= IN_CONTACT and heat[j] == COLD and (
+                    stage.matter.inverse[j] > 0.0):
                 heat[j], stack[size] = HOT, j
                 size += 1
             code = meetings.behind[p, code & 1]

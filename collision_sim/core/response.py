@@ -47,7 +47,7 @@ from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 
-SLIGHT = 1e-6           # share of a radius that is nothing but what the contacts of a pile leave over
+SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where pairs have led him
 
 
 @inlined
