@@ -74,7 +74,7 @@ def forget_moved(moved):
     moved.size[0] = 0
 
 
-@kernel
+@inlined
 def _take_out(moved, i):
     """Take particle i out of its slot."""
     slot = moved.slot[i]
@@ -93,7 +93,7 @@ def _is_plain(levels, k):
     return levels[k, MASK] == -1
 
 
-@kernel
+@inlined
 def _slot_for(cells, moved, centre, extent):
     """Slot for a centre and an extent [m]; the last one for who flies far."""
     levels, inverse, far = cells.levels, cells.inverse[0], moved.head.shape[0] - 1
@@ -110,7 +110,7 @@ def _slot_for(cells, moved, centre, extent):
     return slot_of(cells.inverse, levels, 0, centre[0], centre[1], centre[2])
 
 
-@kernel
+@inlined
 def move(cells, moved, i, centre, extent):
     """Note that particle i has another centre and extent [m]."""
     if moved.slot[i] == NONE:
@@ -133,7 +133,7 @@ def _append(moved, j):
         moved.size[1] += 1
 
 
-@kernel
+@inlined
 def _test(moved, i, j):
     """Append particle j, which has moved, if it is near particle i."""
     limit = moved.extent[i] + moved.extent[j]
@@ -144,7 +144,7 @@ def _test(moved, i, j):
         _append(moved, j)
 
 
-@kernel
+@inlined
 def _test_lists(moved, i, first, last):
     """Test those that have moved to some slots."""
     for slot in range(first, last):
@@ -154,7 +154,7 @@ def _test_lists(moved, i, first, last):
             other = moved.behind[other]
 
 
-@kernel
+@inlined
 def _test_rows(cells, moved, i, first, last):
     """Test those that are where the grid has them, in some rows of it."""
     rows, x, y, z = cells.rows, moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
@@ -167,7 +167,7 @@ def _test_rows(cells, moved, i, first, last):
                 _append(moved, j)
 
 
-@kernel
+@inlined
 def _test_run(cells, moved, k, i, slot, count):
     """Test all in a run of slots of level k."""
     first = cells.levels[k, FIRST] + slot
@@ -176,7 +176,7 @@ def _test_run(cells, moved, k, i, slot, count):
         _test_lists(moved, i, slot, slot + count)
 
 
-@kernel
+@inlined
 def _test_all(cells, moved, k, i):
     """Test all in level k, but who flies far."""
     first = cells.levels[k, FIRST]
@@ -187,7 +187,7 @@ def _test_all(cells, moved, k, i):
                 _test(moved, i, moved.who[m])
 
 
-@kernel
+@inlined
 def _look_in(cells, moved, k, i):
     """Look for those that are near particle i in level k."""
     levels, inverse = cells.levels, cells.inverse[k]

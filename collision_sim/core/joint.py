@@ -35,8 +35,8 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
-                                               LAW_ROW, MASS, MEAN, MEAN_BOUND, NORMAL, PUSH, push,
-                                               put_at, slide)
+                                               KEPT, LAW_ROW, MASS, MEAN, MEAN_BOUND, NORMAL,
+                                               PUSH, push, put_at, slide)
 from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
 from collision_sim.core.rules import ROUNDING
@@ -81,7 +81,7 @@ class Room(NamedTuple):
 
 @inlined
 def _shared(pile, c, d):
-    """What an impulse of contact d brings to the relative velocity at contact c [1/kg]."""
+    """Find what an impulse of contact d brings to the relative velocity at contact c [1/kg]."""
     bodies, ends = pile.bodies, pile.ends
     a, b, shared = ends[c, FIRST], ends[c, SECOND], 0.0
     for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
@@ -420,26 +420,8 @@ def _is_done(dry, wet, change, before, speed):
 
 
 @kernel
-def settle_group(dry, wet, laws, part, pile, first, count, room):
-    """
-    Find the impulses of a group of contacts that leave the end velocities no approach.
-
-    Then find its pushes, without friction, for the mean velocities.
-
-    Parameters
-    ----------
-    dry, wet, laws, part
-        As in `piles.settle`.
-    pile : contact_solver.Pile
-        Of the contacts pile.member[first:first + count]; impulses and pushes are written, and the
-        velocities of their bodies.
-    first, count : int
-        The group; at most MOST.
-    room : Room
-        Scratch.
-
-    """
-    contacts = pile.contacts
+def _end_approaches(dry, wet, laws, pile, first, count, room):
+    """Find the impulses of a group that leave its end velocities within their bounds."""
     _begin(pile, first, count, room)
     speed, before = _largest_speed(pile, first, count), inf
     for _ in range(TURNS):
@@ -449,16 +431,92 @@ def settle_group(dry, wet, laws, part, pile, first, count, room):
             break
         before = change
     restrain(pile, first, count)
+
+
+@inlined
+def _add_friction_to_means(pile, c, part):
+    """Add a part of the friction of contact c to the mean velocities of its bodies."""
+    n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+    push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], MEAN,
+         scaled(part, add_scaled(impulse, -dot(impulse, n), n)))
+
+
+@kernel
+def _push_apart(part, pile, first, count, room):
+    """Find the pushes of a group that leave its mean velocities within their bounds."""
     for k in range(count):
-        c = pile.member[first + k]
-        n, impulse = at(contacts, c, NORMAL), at(contacts, c, IMPULSE)
-        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], MEAN,
-             scaled(part, add_scaled(impulse, -dot(impulse, n), n)))
+        _add_friction_to_means(pile, pile.member[first + k], part)
         room.vectors[FORCE, k] = 0.0
     _press_normally(pile, first, count, room, MEAN, MEAN_BOUND)
     for k in range(count):
         c = pile.member[first + k]
-        contacts[c, PUSH] = sqrt(contacts[c, MASS]) * room.vectors[FORCE, k]
+        pile.contacts[c, PUSH] = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+
+
+@kernel
+def _lifts_for_nothing(part, pull, pile, first, count):
+    """
+    Whether the pushes of a group lift it by more than its impulses have taken of its energy.
+
+    That is energy in the frames of those that touch. Pushes between two particles lift nothing.
+    """
+    taken = lifted = 0.0
+    for k in range(count):
+        c = pile.member[first + k]
+        impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
+        taken -= 0.5 * dot(impulse, approach_of(pile, c, FREE)) + 0.5 * dot(
+            impulse, approach_of(pile, c, ENDING))
+        sides = (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
+            pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
+        mean = add_scaled(scaled(part, impulse),
+                          pile.contacts[c, PUSH] - part * dot(impulse, n), n)
+        lifted -= sides * dot(mean, pull)
+    return lifted - taken > BLUR * (abs(lifted) + abs(taken))
+
+
+@kernel
+def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
+    """
+    Find the impulses of a group of contacts that leave the end velocities no approach.
+
+    Then find its pushes, without friction, for the mean velocities. Bounds that let those that
+    come down keep their speed are taken away where the pushes would lift them for nothing.
+
+    Parameters
+    ----------
+    dry, wet, laws, part
+        As in `piles.settle`.
+    pull : (3,) tuple of float [m/s]
+        What gravity does in the step.
+    pile : contact_solver.Pile
+        Of the contacts pile.member[first:first + count]; impulses and pushes are written, and the
+        velocities of their bodies.
+    first, count : int
+        The group; at most MOST.
+    room : Room
+        Scratch.
+
+    """
+    contacts, bodies = pile.contacts, pile.bodies
+    for k in range(count):
+        c = pile.member[first + k]
+        for end in range(2):
+            body = pile.ends[c, end]
+            if bodies[body, INVERSE] > 0.0:
+                put_at(bodies, body, KEPT, at(bodies, body, MEAN))
+    _end_approaches(dry, wet, laws, pile, first, count, room)
+    _push_apart(part, pile, first, count, room)
+    if _lifts_for_nothing(part, pull, pile, first, count):
+        for k in range(count):
+            c = pile.member[first + k]
+            if contacts[c, PUSH] > 0.0:
+                contacts[c, END_BOUND] = 0.0
+            for end in range(2):
+                body = pile.ends[c, end]
+                if bodies[body, INVERSE] > 0.0:
+                    put_at(bodies, body, MEAN, at(bodies, body, KEPT))
+        _end_approaches(dry, wet, laws, pile, first, count, room)
+        _push_apart(part, pile, first, count, room)
 
 
 @kernel

@@ -44,7 +44,7 @@ from collision_sim.core.candidates import Candidates, fly_anew
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
                                                LAW_ROW, MASS, NORMAL, Pile, put_at)
-from collision_sim.core.detection import detect, distance
+from collision_sim.core.detection import detect
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.impulses import dry_factor, wet_factor
 from collision_sim.core.jit import entry, inlined, kernel
@@ -59,7 +59,7 @@ from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
                                       NONE, ROUNDING, Rules, Touch)
-from collision_sim.core.shapes import RESTITUTION
+from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
@@ -166,7 +166,7 @@ def change(stage, i, after, work):
     candidates.settled[i] = 1
 
 
-@kernel
+@inlined
 def _collide(stage, p):
     """Let the particles of pair p collide by themselves."""
     meetings, matter, v = stage.meetings, stage.matter, stage.v
@@ -196,7 +196,7 @@ def _collide_with_wall(stage, k):
     candidates.settled[i] = 1
 
 
-@kernel
+@inlined
 def enlist(meetings, p):
     """Note pair p with its particles."""
     for end in range(2):
@@ -204,7 +204,7 @@ def enlist(meetings, p):
         meetings.behind[p, end], meetings.head[i] = meetings.head[i], 2 * p + end
 
 
-@kernel
+@inlined
 def _is_listed(meetings, i, j):
     """Whether particles i and j are a pair already."""
     code = meetings.head[i]
@@ -250,26 +250,35 @@ def follow(stage, i, base, tolerance):
 
 
 @kernel
-def far_from(stage, here, c, x0, x1):
-    """Whether a collider that stands still is too far away for a path to meet it."""
-    if stage.motion is not None:
-        return False
-    return distance(stage.rules, here, stage.table, stage.poses, here.end, c, x1) > length(
-        subtract(x1, x0))
+def _may_meet(present, table, poses, end, radius, x1, way):
+    """Whether a path of some length [m] that ends at x1 may meet colliders that stand still."""
+    for c in range(table.shape[0]):
+        if signed_distance(present, table, poses, end, c, x1)[0] - radius <= way:
+            return True
+    return False
+
+
+@inlined
+def _look_at_walls(stage, i, answers):
+    """List the collisions of particle i with colliders."""
+    x0, u = column(stage.x, i), column(stage.candidates.u, i)
+    x1, poses = add_scaled(x0, stage.rules.flight.dt, u), stage.poses
+    if stage.motion is not None or _may_meet(
+            stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i],
+            x1, length(subtract(x1, x0))):
+        stage.meetings.near[i] = AT_WALL
+        _list_walls(stage, i, answers)
 
 
 @kernel
-def _look_at_walls(stage, i, answers):
-    """List the collisions of particle i with colliders."""
+def _list_walls(stage, i, answers):
+    """List the collisions of particle i with colliders that are near its path."""
     walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
     u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
     if stage.meetings.hits[i] >= MOST_HITS:
         return
     for c in range(stage.table.shape[0]):
-        if far_from(stage, here, c, x0, x1):
-            continue
-        stage.meetings.near[i] = AT_WALL
         walls.one[0], k = c, walls.size[0]
         touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
                           stage.accounts, x0, x1, v0, u, True)
@@ -302,13 +311,13 @@ def _order_of(sweep, touch, x0, x1):
     return dot(touch.normal, subtract(x1, touch.point))
 
 
-@kernel
+@inlined
 def _comes_now(stage, i, order):
     """Whether what has an order is first for particle i, or happens at once with what is."""
     return stage.rules.sweep is None or order <= stage.meetings.soonest[i] + TIE
 
 
-@kernel
+@inlined
 def _choose(stage):
     """Let each particle find what comes first for it."""
     meetings, walls = stage.meetings, stage.walls
@@ -322,14 +331,14 @@ def _choose(stage):
         meetings.soonest[i] = min(meetings.soonest[i], walls.values[k, ORDER])
 
 
-@kernel
+@inlined
 def _is_pair_now(stage, p):
     meetings = stage.meetings
     return (_comes_now(stage, meetings.ends[p, FIRST], meetings.order[p])
             and _comes_now(stage, meetings.ends[p, SECOND], meetings.order[p]))
 
 
-@kernel
+@inlined
 def _is_wall_now(stage, k):
     return _comes_now(stage, stage.walls.ends[k, 0], stage.walls.values[k, ORDER])
 
@@ -340,7 +349,7 @@ def _is_passive(stage, i):
     return stage.matter.inverse[i] > 0.0
 
 
-@kernel
+@inlined
 def _count_parts(stage):
     """Count what each particle takes part in now."""
     meetings, walls = stage.meetings, stage.walls
@@ -354,7 +363,7 @@ def _count_parts(stage):
             meetings.busy[walls.ends[k, 0]] += 1
 
 
-@kernel
+@inlined
 def _forget_parts(stage):
     """Forget what comes first, and what each particle takes part in."""
     meetings, walls = stage.meetings, stage.walls
@@ -509,7 +518,7 @@ def _collide_together(stage, dry, wet, room, turn):
     _take_over(stage, size, pairs, contacts, turn)
 
 
-@kernel
+@inlined
 def _respond(stage, dry, wet, room, turn):
     """Answer all that comes now; whether there was anything."""
     meetings, walls, together, alone = stage.meetings, stage.walls, False, False
@@ -538,7 +547,7 @@ def _respond(stage, dry, wet, room, turn):
     return together or alone
 
 
-@kernel
+@inlined
 def _look_at_pairs(stage, i, turn):
     """Look at the pairs of particle i again, unless they have been in this round."""
     meetings, code = stage.meetings, stage.meetings.head[i]
@@ -555,7 +564,7 @@ def _look_at_pairs(stage, i, turn):
         code = meetings.behind[p, code & 1]
 
 
-@kernel
+@inlined
 def _keep_others(stage, turn):
     """Keep the collisions of those that have not collided in a round, for the next one."""
     meetings, walls, kept = stage.meetings, stage.walls, 0
@@ -575,7 +584,7 @@ def _keep_others(stage, turn):
     walls.size[0] = kept
 
 
-@kernel
+@inlined
 def _look_again(stage, base, slack, turn, answers):
     """Look at what those meet that have collided in a round."""
     meetings = stage.meetings
@@ -595,14 +604,14 @@ def _look_again(stage, base, slack, turn, answers):
         _meet_walls_of(stage, p, answers)
 
 
-@kernel
+@inlined
 def _meet_walls_of(stage, p, answers):
     """Look at the colliders of the particles of pair p, if nobody has yet."""
     for end in range(2):
         _meet_walls(stage, stage.meetings.ends[p, end], answers)
 
 
-@kernel
+@inlined
 def _meet_walls(stage, i, answers):
     """Look at the colliders of particle i, if nobody has yet."""
     if stage.meetings.near[i] == 0:
@@ -610,7 +619,7 @@ def _meet_walls(stage, i, answers):
         _look_at_walls(stage, i, answers)
 
 
-@kernel
+@inlined
 def _begin(stage, bounced, bounces, answers):
     """List what collides to begin with."""
     meetings = stage.meetings

@@ -165,7 +165,7 @@ def _is_at_wall(stage, i, answers):
 
 @kernel
 def _list_at_walls(stage, bodies, answers):
-    """List those near somebody else that a collider is going to push; how many bodies there are."""
+    """List those near somebody else that a collider is going to push; how many bodies then."""
     meetings, pile = stage.meetings, stage.pile
     for p in range(meetings.size[0]):
         for end in range(2):
@@ -201,13 +201,13 @@ def _is_large(pile, g):
 
 
 @kernel
-def _settle_groups(work, phase, dry, wet, laws, part, pile, room):
+def _settle_groups(work, phase, dry, wet, laws, part, pull, pile, room):
     """Solve for the impulses of all small groups; the next phase."""
     progress, groups = work.progress, work.numbers[GROUPS]
     g = fetch_add(progress, 2 * phase, 1)
     while g < groups:
         if not _is_large(pile, g):
-            settle_group(dry, wet, laws, part, pile, pile.group[g],
+            settle_group(dry, wet, laws, part, pull, pile, pile.group[g],
                          pile.group[g + 1] - pile.group[g], room)
         fetch_add(progress, 2 * phase + 1, 1)
         g = fetch_add(progress, 2 * phase, 1)
@@ -371,7 +371,8 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)
-    phase = _settle_groups(work, 1, dry, wet, laws, part, pile, room)
+    phase = _settle_groups(work, 1, dry, wet, laws, part, stage.rules.flight.end_shift, pile,
+                           room)
     if numbers[COLOURED] > 0:
         phase = _settle_large(work, phase, dry, wet, laws, part, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:
