@@ -22,7 +22,9 @@ such change only: it depends neither on the order of the contacts nor on how the
 is a linear complementarity problem, solved by block pivoting (Judice and Pires 1994) with Cholesky
 factors, so the ratio of masses costs no sweeps. Where contacts are redundant, as the four legs of
 a table are, their impulses are not unique: SHIFT on the diagonal chooses among them, and is taken
-out again by repeating the solution from the last one (proximal point, Rockafellar 1976).
+out again by repeating the solution from the last one (proximal point, Rockafellar 1976). Where no
+impulses do, as between two walls that close, they would grow without end: there SOFT on the
+diagonal divides what is missing, and nobody gets faster than those that squeeze him.
 
 Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
 stay within it stick: one linear system for all of them; a sweep there and back over all contacts
@@ -39,14 +41,16 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPU
                                                PUSH, push, put_at, slide)
 from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
-from collision_sim.core.rules import ROUNDING
+from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import RESTITUTION, STATIC
 from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 import numpy as np
 
 MOST = 64               # contacts that are solved for at once
 SHIFT = 1e-11           # on a diagonal of ones
+SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
+MISSING = 1e-6          # share of what is wanted that shows that
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
 TURNS = 40              # of normal impulses and friction
 NEARLY = 1e-9           # such a share that does not fall any more is rounding
@@ -66,7 +70,8 @@ class Room(NamedTuple):
     rows `pushed`; vectors (VECTORS, MOST); pushed (MOST,) int64: contacts with an impulse, in
     order; state (2, MOST) int64: whether a contact has one, now and in the factor. along
     (2 MOST, 3), holding (2 MOST, 2 MOST), slips (2 MOST,): of those that stick, two directions
-    along the surface of each, the factor of their matrix, and what ends their slips.
+    along the surface of each, the factor of their matrix, and what ends their slips. shift (1,):
+    on the diagonal now.
     """
 
     matrix: np.ndarray
@@ -77,6 +82,7 @@ class Room(NamedTuple):
     along: np.ndarray
     holding: np.ndarray
     slips: np.ndarray
+    shift: np.ndarray
 
 
 @inlined
@@ -116,7 +122,8 @@ def make_room():
     """Allocate the scratch of a thread."""
     return Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
                 np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64),
-                np.empty((2 * MOST, 3)), np.empty((2 * MOST, 2 * MOST)), np.empty(2 * MOST))
+                np.empty((2 * MOST, 3)), np.empty((2 * MOST, 2 * MOST)), np.empty(2 * MOST),
+                np.full(1, SHIFT))
 
 
 @kernel
@@ -137,7 +144,7 @@ def _factorise(room, count):
             for k in range(b):
                 entry -= factor[a, k] * factor[b, k]
             if a == b:
-                factor[a, a] = sqrt(max(entry + SHIFT, 0.5 * SHIFT))
+                factor[a, a] = sqrt(max(entry + room.shift[0], 0.5 * room.shift[0]))
             else:
                 factor[a, b] = entry / factor[b, b]
     return size
@@ -151,7 +158,7 @@ def _solve(room, count):
         vectors[FORCE, k] = 0.0
     for a in range(size):
         k = pushed[a]
-        value = vectors[WANTED, k] + SHIFT * vectors[LATEST, k]
+        value = vectors[WANTED, k] + room.shift[0] * vectors[LATEST, k]
         for b in range(a):
             value -= factor[a, b] * vectors[FORCE, pushed[b]]
         vectors[FORCE, k] = value / factor[a, a]
@@ -168,7 +175,7 @@ def _is_wrong(room, count, k):
     vectors = room.vectors
     if room.state[0, k] == 1:
         return vectors[FORCE, k] < 0.0
-    missing = vectors[WANTED, k] + SHIFT * vectors[LATEST, k]
+    missing = vectors[WANTED, k] + room.shift[0] * vectors[LATEST, k]
     size = abs(missing)
     for m in range(count):
         part = room.matrix[k, m] * vectors[FORCE, m]
@@ -212,19 +219,40 @@ def press(room, count):
         How many contacts there are.
 
     """
-    vectors, largest = room.vectors, 0.0
+    vectors, largest, change = room.vectors, 0.0, 0.0
     for k in range(count):
         vectors[LATEST, k] = 0.0
         largest = max(largest, abs(vectors[WANTED, k]))
     for _ in range(PASSES):
-        _choose(room, count)
-        change = 0.0
-        for k in range(count):
-            vectors[FORCE, k] = max(vectors[FORCE, k], 0.0)
-            change = max(change, abs(vectors[FORCE, k] - vectors[LATEST, k]))
-            vectors[LATEST, k] = vectors[FORCE, k]
+        change = _repeat(room, count)
         if not SHIFT * change > BLUR * largest:
             return
+    if SHIFT * change > MISSING * largest:
+        _shift(room, count, SOFT)
+        for k in range(count):
+            vectors[LATEST, k] = 0.0
+        _repeat(room, count)
+        _shift(room, count, SHIFT)
+
+
+@inlined
+def _shift(room, count, shift):
+    """Put something else on the diagonal of the matrix."""
+    room.shift[0] = shift
+    for k in range(count):
+        room.state[1, k] = NONE
+
+
+@kernel
+def _repeat(room, count):
+    """Find the impulses from those of the last pass; the largest change of them."""
+    vectors, change = room.vectors, 0.0
+    _choose(room, count)
+    for k in range(count):
+        vectors[FORCE, k] = max(vectors[FORCE, k], 0.0)
+        change = max(change, abs(vectors[FORCE, k] - vectors[LATEST, k]))
+        vectors[LATEST, k] = vectors[FORCE, k]
+    return change
 
 
 @inlined
