@@ -134,7 +134,7 @@ class PairSolver:
             share(settle, threads, work, stage, self._dry, self._wet, base, again > 0)
             if work.numbers[MET] == 0:
                 break
-        part(self._meetings, self._moved, self._bounced, self._bounces)
+        part(self._meetings, self._bounced, self._bounces)
 
     def _find_bounces(self, parts, candidates, threads):
         """Find who collides with colliders, where nobody sweeps."""

@@ -16,20 +16,22 @@
 Who is near a particle that has got another path within the step: the grid is asked again.
 
 The grid of cells.py holds the particles where their candidates have been when the step began. Who
-has got another candidate since then is found where that leads, in slots of their own that go with
-those of the coarsest level; who flies farther than a cell of it is wide, in a list.
+has got another candidate since then is still found there while he is not farther away than SHORT
+cells; who is, is found where that leads, in slots of their own that go with those of the coarsest
+level, or, if he flies farther than a cell of it is wide, in a list.
 """
 
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.cells import (coordinate, EXTENT, FIRST, LEVELS, LOW, MASK, slot_of, SLOTS,
-                                      STRIDE_Y, STRIDE_Z)
+from collision_sim.core.cells import (coordinate, EXTENT, FIRST, LEVELS, LOW, MASK, POINTS,
+                                      slot_of, SLOTS, STRIDE_Y, STRIDE_Z)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE
 import numpy as np
 
-MOST_CELLS = 64         # looked through one by one; of more, all particles of the level
+SHORT = 0.125           # share of the width of the finest cells: so far is not moved
+MOST_CELLS = 100        # looked through one by one; of more, all particles of the level
 
 
 class Moved(NamedTuple):
@@ -37,11 +39,12 @@ class Moved(NamedTuple):
     Particles with another candidate than in the grid: scratch.
 
     centre (3, N), extent (N,) [m]: of all particles, and where they are now; head (slots + 1,)
-    int32: the last one in each slot of level 0, and in the list of those that fly far; behind (N,)
-    int32: of each the one before; slot (N,) int32: that it is in, NONE for who is where the grid
-    has it; who (N,) int32: those that are not; found (N,) int32: who is near; size (3,) int64: how
-    many have moved, how many are found, and how often was looked; seen (N,) int64: in which look a
-    particle was tested last.
+    int32: the last one in each slot of level 0, and in the list of those that fly far; behind
+    (N,) int32: of each the one before; slot (N,) int32: that it is in, NONE for who is found where
+    the grid has it; away (N,) [m]: how far it has moved at most; who (N,) int32: those that have;
+    found (N,) int32: who is near; size (5,) int64: how many have moved, how many are found, how
+    often was looked, levels of the grid, how many are in slots; seen (N,) int64: in which look a
+    particle was found last.
     """
 
     centre: np.ndarray
@@ -49,6 +52,7 @@ class Moved(NamedTuple):
     head: np.ndarray
     behind: np.ndarray
     slot: np.ndarray
+    away: np.ndarray
     who: np.ndarray
     found: np.ndarray
     size: np.ndarray
@@ -60,18 +64,29 @@ def make_moved(centre, extent, slots):
     count = len(extent)
     return Moved(centre, extent, np.full(slots + 1, NONE, dtype=np.int32),
                  np.empty(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
-                 np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
-                 np.zeros(3, dtype=np.int64), np.zeros(count, dtype=np.int64))
+                 np.zeros(count), np.empty(count, dtype=np.int32),
+                 np.empty(count, dtype=np.int32), np.zeros(5, dtype=np.int64),
+                 np.zeros(count, dtype=np.int64))
 
 
 @kernel
-def forget_moved(moved):
+def begin_moves(cells, moved):
     """Take all particles to be where the grid has them."""
     for k in range(moved.size[0]):
         i = moved.who[k]
-        moved.head[moved.slot[i]] = NONE
-        moved.slot[i] = NONE
-    moved.size[0] = 0
+        if moved.slot[i] != NONE:
+            moved.head[moved.slot[i]] = NONE
+        moved.slot[i], moved.away[i] = NONE, 0.0
+    moved.size[0] = moved.size[3] = moved.size[4] = 0
+    for k in range(LEVELS):
+        if cells.levels[k, SLOTS] > 0 and k != POINTS:
+            moved.size[3] = k + 1
+
+
+@inlined
+def short_way(cells, moved):
+    """How far [m] a particle may have moved to be found where the grid has it."""
+    return SHORT / cells.inverse[max(moved.size[3] - 1, 0)]
 
 
 @inlined
@@ -111,17 +126,20 @@ def _slot_for(cells, moved, centre, extent):
 
 
 @inlined
-def move(cells, moved, i, centre, extent):
-    """Note that particle i has another centre and extent [m]."""
-    if moved.slot[i] == NONE:
+def move(cells, moved, i, centre, extent, shift):
+    """Note that particle i has another centre and extent [m], `shift` [m] from the last one."""
+    if moved.away[i] == 0.0:
         moved.who[moved.size[0]] = i
         moved.size[0] += 1
-    else:
+    moved.away[i] += shift
+    if moved.slot[i] != NONE:
         _take_out(moved, i)
     moved.centre[0, i], moved.centre[1, i], moved.centre[2, i] = centre
     moved.extent[i] = extent
-    slot = _slot_for(cells, moved, centre, extent)
-    moved.slot[i], moved.behind[i], moved.head[slot] = slot, moved.head[slot], i
+    if not moved.away[i] <= short_way(cells, moved):
+        slot = _slot_for(cells, moved, centre, extent)
+        moved.size[4] += moved.slot[i] == NONE
+        moved.slot[i], moved.behind[i], moved.head[slot] = slot, moved.head[slot], i
 
 
 @inlined
@@ -155,35 +173,36 @@ def _test_lists(moved, i, first, last):
 
 
 @inlined
-def _test_rows(cells, moved, i, first, last):
-    """Test those that are where the grid has them, in some rows of it."""
+def _test_rows(cells, moved, i, way, first, last):
+    """Test those that are near where the grid has them, in some rows of it."""
     rows, x, y, z = cells.rows, moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     for row in range(first, last):
         dx, dy, dz = rows[row, 0] - x, rows[row, 1] - y, rows[row, 2] - z
-        limit = rows[row, EXTENT] + moved.extent[i]
+        limit = rows[row, EXTENT] + moved.extent[i] + way
         if dx * dx + dy * dy + dz * dz < limit * limit:
             j = cells.particle[row]
             if moved.slot[j] == NONE:
-                _append(moved, j)
+                _test(moved, i, j)
 
 
 @inlined
-def _test_run(cells, moved, k, i, slot, count):
+def _test_run(cells, moved, k, i, way, slot, count):
     """Test all in a run of slots of level k."""
     first = cells.levels[k, FIRST] + slot
-    _test_rows(cells, moved, i, cells.start[first], cells.start[first + count])
-    if k == 0:
+    _test_rows(cells, moved, i, way, cells.start[first], cells.start[first + count])
+    if k == 0 and moved.size[4] > 0:
         _test_lists(moved, i, slot, slot + count)
 
 
 @inlined
-def _test_all(cells, moved, k, i):
+def _test_all(cells, moved, k, i, way):
     """Test all in level k, but who flies far."""
     first = cells.levels[k, FIRST]
-    _test_rows(cells, moved, i, cells.start[first], cells.start[first + cells.levels[k, SLOTS]])
+    _test_rows(cells, moved, i, way, cells.start[first],
+               cells.start[first + cells.levels[k, SLOTS]])
     if k == 0:
         for m in range(moved.size[0]):
-            if moved.slot[moved.who[m]] < moved.head.shape[0] - 1:
+            if 0 <= moved.slot[moved.who[m]] < moved.head.shape[0] - 1:
                 _test(moved, i, moved.who[m])
 
 
@@ -191,13 +210,14 @@ def _test_all(cells, moved, k, i):
 def _look_in(cells, moved, k, i):
     """Look for those that are near particle i in level k."""
     levels, inverse = cells.levels, cells.inverse[k]
-    reach = moved.extent[i] + 0.5 / inverse
+    way = short_way(cells, moved)
+    reach = moved.extent[i] + 0.5 / inverse + way
     x, y, z = moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     ax, bx = coordinate(inverse, x - reach), coordinate(inverse, x + reach)
     ay, by = coordinate(inverse, y - reach), coordinate(inverse, y + reach)
     az, bz = coordinate(inverse, z - reach), coordinate(inverse, z + reach)
     if (bx - ax + 1.0) * (by - ay + 1.0) * (bz - az + 1.0) > MOST_CELLS:
-        _test_all(cells, moved, k, i)
+        _test_all(cells, moved, k, i, way)
     elif _is_plain(levels, k):
         wide, high = levels[k, STRIDE_Y], levels[k, STRIDE_Z]
         ax, bx = max(ax - levels[k, LOW], 0), min(bx - levels[k, LOW], wide - 1)
@@ -207,7 +227,7 @@ def _look_in(cells, moved, k, i):
         if ax <= bx:
             for c in range(az, bz + 1):
                 for b in range(ay, by + 1):
-                    _test_run(cells, moved, k, i, ax + wide * b + high * c, bx - ax + 1)
+                    _test_run(cells, moved, k, i, way, ax + wide * b + high * c, bx - ax + 1)
     else:
         width = 1.0 / inverse
         for c in range(az, bz + 1):
@@ -215,7 +235,7 @@ def _look_in(cells, moved, k, i):
                 for a in range(ax, bx + 1):
                     slot = slot_of(cells.inverse, levels, k, (a + 0.5) * width, (b + 0.5) * width,
                                    (c + 0.5) * width)
-                    _test_run(cells, moved, k, i, slot, 1)
+                    _test_run(cells, moved, k, i, way, slot, 1)
 
 
 @kernel
@@ -237,7 +257,9 @@ def find_around(cells, moved, i):
     moved.size[2] += 1
     if not moved.extent[i] < inf:
         return
-    for k in range(LEVELS):
+    for k in range(moved.size[3]):
         if cells.levels[k, SLOTS] > 0:
             _look_in(cells, moved, k, i)
+    if cells.levels[POINTS, SLOTS] > 0:
+        _look_in(cells, moved, POINTS, i)
     _test_lists(moved, i, moved.head.shape[0] - 1, moved.head.shape[0])

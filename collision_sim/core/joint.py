@@ -52,7 +52,8 @@ SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
 MISSING = 1e-6          # share of what is wanted that shows that
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
-TURNS = 40              # of normal impulses and friction
+TURNS = 80              # of normal impulses and friction
+EAGER, HASTY = 8, 24    # turns up to which those that stick are held, and that go all the way
 NEARLY = 1e-9           # such a share that does not fall any more is rounding
 SETTLED = 1e-13         # change in a turn as a share of the largest speed: nothing changes
 BLUR = 2.0 ** -49       # of a sum of products, relative to the sum of their sizes
@@ -291,8 +292,8 @@ def _add_normally(pile, first, k, room, which, factor):
 
 
 @inlined
-def _rub(dry, wet, laws, pile, c, pressing):
-    """Give contact c the friction of a normal impulse [N s]; the change of velocity [m/s]."""
+def _rub(dry, wet, laws, pile, c, pressing, part):
+    """Give contact c the friction of a normal impulse [N s], or part of the way to it."""
     contacts, n, mass = pile.contacts, at(pile.contacts, c, NORMAL), pile.contacts[c, MASS]
     impulse = at(contacts, c, IMPULSE)
     along = add_scaled(impulse, -dot(impulse, n), n)
@@ -300,29 +301,39 @@ def _rub(dry, wet, laws, pile, c, pressing):
     if pressing > 0.0:
         after = slide(dry, wet, laws, pile.ends[c, LAW_ROW], approach_of(pile, c, ENDING), n, mass,
                       along, pressing)
-    change = subtract(after, along)
+    change = scaled(part, subtract(after, along))
     push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, change)
-    put_at(contacts, c, IMPULSE, add_scaled(after, pressing, n))
+    put_at(contacts, c, IMPULSE, add_scaled(add_scaled(along, 1.0, change), pressing, n))
     return length(change) / mass
 
 
 @kernel
-def _rub_all(dry, wet, laws, pile, first, count, room):
-    """Give all contacts their friction, there and back; the largest change of velocity [m/s]."""
-    fastest = 0.0
-    if count > 1:
-        for k in range(count):      # friction so far, with the normal impulse that there is now
-            c = pile.member[first + k]
-            n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
-            pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
-            put_at(pile.contacts, c, IMPULSE, add_scaled(impulse, pressing - dot(impulse, n), n))
+def _take_over_normal_impulses(pile, first, count, room):
+    """Write the normal impulses there are now, beside the friction so far."""
+    for k in range(count):
+        c = pile.member[first + k]
+        n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+        pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+        put_at(pile.contacts, c, IMPULSE, add_scaled(impulse, pressing - dot(impulse, n), n))
+
+
+@kernel
+def _rub_all(dry, wet, laws, pile, first, count, room, turn_now):
+    """
+    Give all contacts their friction, there and back; the largest change of velocity [m/s].
+
+    What does not end soon goes round in circles: then half of the way at a time leads there.
+    """
+    fastest, part = 0.0, 1.0 if turn_now < HASTY else 0.5
+    if count > 1 and turn_now < EAGER:
+        _take_over_normal_impulses(pile, first, count, room)
         _hold(dry, laws, pile, first, count, room)
     for turn in range(2 if count > 1 else 1):
         for m in range(count):
             k = m if turn == 0 else count - 1 - m
             c = pile.member[first + k]
             pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
-            fastest = max(fastest, _rub(dry, wet, laws, pile, c, pressing))
+            fastest = max(fastest, _rub(dry, wet, laws, pile, c, pressing, part))
     return fastest
 
 
@@ -444,7 +455,8 @@ def _is_done(dry, wet, change, before, speed):
     """Whether friction has found its impulses, for the changes of two turns and a speed."""
     if dry is None and wet is None:
         return True
-    return not change > SETTLED * speed or (before <= NEARLY * speed and change >= 0.5 * before)
+    return not change > SETTLED * speed or (
+        max(before, change) <= NEARLY * speed and change >= 0.5 * before)
 
 
 @kernel
@@ -452,12 +464,15 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     """Find the impulses of a group that leave its end velocities within their bounds."""
     _begin(pile, first, count, room)
     speed, before = _largest_speed(pile, first, count), inf
-    for _ in range(TURNS):
+    for turn in range(TURNS):
         _press_normally(pile, first, count, room, ENDING, END_BOUND)
-        change = _rub_all(dry, wet, laws, pile, first, count, room)
+        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
         if _is_done(dry, wet, change, before, speed):
             break
         before = change
+    if dry is not None or wet is not None:
+        _press_normally(pile, first, count, room, ENDING, END_BOUND)
+        _take_over_normal_impulses(pile, first, count, room)
     restrain(pile, first, count)
 
 
@@ -593,8 +608,8 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
     speed, before = _largest_speed(pile, first, count), inf
-    for _ in range(TURNS):
-        change = _rub_all(dry, wet, laws, pile, first, count, room)
+    for turn in range(TURNS):
+        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
         if _is_done(dry, wet, change, before, speed):
             break
         before = change

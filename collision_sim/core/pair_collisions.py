@@ -39,7 +39,7 @@ deepest, or earliest, for both of their particles. Nothing depends on the order 
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.around import find_around, move, Moved
+from collision_sim.core.around import begin_moves, find_around, move, Moved
 from collision_sim.core.candidates import Candidates, fly_anew
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
@@ -215,7 +215,7 @@ def _is_listed(meetings, i, j):
     return False
 
 
-@kernel
+@inlined
 def follow(stage, i, base, tolerance):
     """
     List the pairs of who is near the path of particle i now; how many there are more.
@@ -232,7 +232,7 @@ def follow(stage, i, base, tolerance):
     extent = base
     if stage.rules.sweep is not None:
         extent = base + part * length(u)
-    move(stage.cells, moved, i, centre, extent)
+    move(stage.cells, moved, i, centre, extent, shift)
     find_around(stage.cells, moved, i)
     before = meetings.size[0]
     for k in range(moved.size[1]):
@@ -510,7 +510,7 @@ def _collide_together(stage, dry, wet, room, turn):
     size, pairs, contacts = _list_together(stage)
     groups = group_contacts(pile, size, contacts)
     for g in range(groups):
-        first, count = pile.group[g], pile.group[g + 1] - pile.group[g]
+        first, count = 0 + pile.group[g], pile.group[g + 1] - pile.group[g]
         if count <= MOST:
             collide_group(dry, wet, laws, pile, first, count, room)
         else:
@@ -656,9 +656,11 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
     """
     room = make_room()
     answers = keep_answers(stage.rules.present.meshes, stage.table)
-    meetings, turn, going = stage.meetings, 0, True
+    meetings, going = stage.meetings, True
     slack = stage.rules.flight.dt * stage.pair_rules.slow
+    begin_moves(stage.cells, stage.moved)
     _begin(stage, bounced, bounces, answers)
+    turn = 0 * meetings.size[0]
     while going:
         _choose(stage)
         _count_parts(stage)

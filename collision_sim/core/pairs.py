@@ -212,7 +212,7 @@ def _meet(sweep, dt, size, x, v, candidates, i, j):
     return (gap if gap < 0.0 else inf), n
 
 
-@kernel
+@inlined
 def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     """Write when or how deep pair p collides, and its normal."""
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
@@ -230,7 +230,7 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2] = n
 
 
-@kernel
+@inlined
 def can_meet(matter, i, j):
     """Whether two particles do anything to each other: not points, nor two infinite masses."""
     inverse, radius = matter.inverse, matter.radius

@@ -40,7 +40,6 @@ Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.
 """
 
-from collision_sim.core.around import forget_moved
 from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLOURED, CONTACTS,
                                                ENDING, FREE, GROUPS, IMPULSE, INVERSE, KEPT,
                                                KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL, PAIRS,
@@ -381,7 +380,6 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
 
 
 @entry
-def part(meetings, moved, bounced, bounces):
-    """Forget the pairs of a step, and who has moved in it."""
+def part(meetings, bounced, bounces):
+    """Forget the pairs of a step."""
     part_all(meetings, bounced, bounces)
-    forget_moved(moved)
