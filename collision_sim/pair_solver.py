@@ -59,7 +59,7 @@ class PairSolver:
         self._centre, self._extent = np.empty((3, count)), np.empty(count)
         self._bounds = np.empty((-(-count // BLOCK), BOUNDS))
         self._bounced = np.empty(count, dtype=np.int32)
-        self._bounces = np.zeros(len(self._bounds), dtype=np.int64)
+        self._bounces = np.zeros((len(self._bounds), 2), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
         self._cells = None
         self._meetings, self._walls = make_meetings(0, count), make_walls(0)
@@ -114,10 +114,11 @@ class PairSolver:
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
         self._find_bounces(parts, candidates, threads)
-        if pairs == 0 and not self._bounces.any():
+        bounces = int(self._bounces[:, 1].sum())
+        if pairs == 0 and bounces == 0:
             self.forget()
             return
-        needed = ROOMY * (pairs + int(self._bounces.sum()))
+        needed = ROOMY * (pairs + bounces)
         if needed > len(self._meetings.ends):
             self._make_room(2 * needed)
         self._meetings.size[0] = pairs

@@ -50,8 +50,9 @@ def _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i):
 @kernel
 def _find_in_block(grid, rules, table, poses, motion, radius, centre, x, v, candidates, block,
                    bounced, clear, cells, chosen, touching):
-    """List those of a block that bounce; how many there are."""
-    first, last, found = block * BLOCK, min((block + 1) * BLOCK, x.shape[1]), 0
+    """List those of a block that touch a collider; how many there are, and how many bounce."""
+    first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
+    found = bouncing = 0
     for a in range(first, last, TILE):
         b = min(a + TILE, last)
         tile, xt, yt, zt = clear[:b - a], centre[0][a:b], centre[1][a:b], centre[2][a:b]
@@ -60,10 +61,10 @@ def _find_in_block(grid, rules, table, poses, motion, radius, centre, x, v, cand
                         radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
-            if _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i):
-                bounced[first + found] = i
-                found += 1
-    return found
+            bounces = _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i)
+            bounced[first + found] = i if bounces else -1 - i
+            found, bouncing = found + 1, bouncing + bounces
+    return found, bouncing
 
 
 @entry
@@ -84,8 +85,9 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, ce
         Where their candidates end.
     x, v, candidates
         As in candidates.py.
-    bounced, counts : (N,) int32, (blocks,) int64
-        Written: of each block of particles those that do, from its first on, and how many.
+    bounced, counts : (N,) int32, (blocks, 2) int64
+        Written: of each block of particles those that touch a collider, from its first on, and
+        how many. Those that do not approach it are written as -1 - i; how many do comes second.
 
     """
     clear, cells = in_lines(TILE), in_lines(TILE)
@@ -94,7 +96,8 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, ce
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
     while block < counts.shape[0]:
-        counts[block] = _find_in_block(grid, rules, table, poses, motion, radius, centre, x, v,
-                                       candidates, block, bounced, clear, cells, chosen, touching)
+        counts[block, 0], counts[block, 1] = _find_in_block(
+            grid, rules, table, poses, motion, radius, centre, x, v, candidates, block, bounced,
+            clear, cells, chosen, touching)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

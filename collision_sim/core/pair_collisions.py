@@ -53,8 +53,9 @@ from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_memory import Memory, recall
-from collision_sim.core.pairs import (can_meet, column, FIRST, look_at, Matter, Meetings,
-                                      MOST_HITS, PairRules, put, SECOND)
+from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
+                                      look_at, Matter, Meetings, MOST_HITS, MOVED, NEAR,
+                                      PairRules, put, SECOND, SOONEST)
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
@@ -67,7 +68,7 @@ import numpy as np
 TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 AWAY, AT_WALL = 1, 2    # marks of particles whose colliders were looked at: none is near, or one
-LOOSE = 0.01            # share of its radius that a particle may leave its path by unnoticed
+LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
 # Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
 # and normal, velocity of the collider, point.
 ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
@@ -149,21 +150,27 @@ def here_of(stage, i, answers):
 
 
 @inlined
-def change(stage, i, after, work):
-    """
-    Change the velocity of particle i at the start of the step, and fly it anew.
-
-    work [J/kg] is what colliders have done to it.
-    """
-    before, candidates = column(stage.v, i), stage.candidates
+def _fly_on(stage, i, before, after):
+    """Give particle i another velocity at the start of the step, and fly it anew."""
+    candidates = stage.candidates
     here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
-    u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after,
-                    column(candidates.u, i), column(candidates.w, i))
-    book(stage.ledger, here, INTERNAL, kinetic(before, after) - work)
+    old = column(candidates.u, i)
+    u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after, old,
+                    column(candidates.w, i))
     put(stage.v, i, after)
     put(candidates.u, i, u)
     put(candidates.w, i, w)
     candidates.settled[i] = 1
+    stage.meetings.states[i, DRIFT] += stage.rules.flight.dt * length(subtract(u, old))
+
+
+@inlined
+def change(stage, i, after, work):
+    """Change the velocity of particle i; `work` [J/kg] is what colliders have done to it."""
+    before = column(stage.v, i)
+    _fly_on(stage, i, before, after)
+    book(stage.ledger, Here(0, 0, 0, i // BLOCK, i, 0.0, None, None), INTERNAL,
+         kinetic(before, after) - work)
 
 
 @inlined
@@ -181,19 +188,14 @@ def _collide(stage, p):
 @kernel
 def _collide_with_wall(stage, k):
     """Let a particle collide with a collider by itself."""
-    values, candidates, i = stage.walls.values, stage.candidates, stage.walls.ends[k, 0]
+    values, i = stage.walls.values, stage.walls.ends[k, 0]
     here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
     touch = Touch(stage.walls.ends[k, 1], at(values, k, ALONG), at(values, k, COLLIDER_VELOCITY),
                   at(values, k, WHERE), values[k, APPROACH], 0.0, True, False)
     before = column(stage.v, i)
     after = collide_with_collider(stage.rules, here, stage.table, stage.log, stage.accounts,
                                   stage.ledger, touch, before)
-    u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after,
-                    column(candidates.u, i), column(candidates.w, i))
-    put(stage.v, i, after)
-    put(candidates.u, i, u)
-    put(candidates.w, i, w)
-    candidates.settled[i] = 1
+    _fly_on(stage, i, before, after)
 
 
 @inlined
@@ -201,13 +203,14 @@ def enlist(meetings, p):
     """Note pair p with its particles."""
     for end in range(2):
         i = meetings.ends[p, end]
-        meetings.behind[p, end], meetings.head[i] = meetings.head[i], 2 * p + end
+        meetings.behind[p, end] = int(meetings.states[i, HEAD])
+        meetings.states[i, HEAD] = 2 * p + end
 
 
 @inlined
 def _is_listed(meetings, i, j):
     """Whether particles i and j are a pair already."""
-    code = meetings.head[i]
+    code = int(meetings.states[i, HEAD])
     while code != NONE:
         if meetings.ends[code >> 1, 1 - (code & 1)] == j:
             return True
@@ -224,11 +227,11 @@ def follow(stage, i, base, tolerance):
     """
     moved, meetings, x, dt = stage.moved, stage.meetings, stage.x, stage.rules.flight.dt
     part = dt if stage.rules.sweep is None else 0.5 * dt
-    u = column(stage.candidates.u, i)
-    centre = add_scaled(column(x, i), part, u)
-    shift = length(subtract(centre, column(moved.centre, i)))
-    if not shift * (dt / part) > tolerance:
+    u, shift = column(stage.candidates.u, i), meetings.states[i, DRIFT]
+    if not shift > tolerance:
         return 0
+    meetings.states[i, DRIFT] = 0.0
+    centre = add_scaled(column(x, i), part, u)
     extent = base
     if stage.rules.sweep is not None:
         extent = base + part * length(u)
@@ -266,7 +269,7 @@ def _look_at_walls(stage, i, answers):
     if stage.motion is not None or _may_meet(
             stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i],
             x1, length(subtract(x1, x0))):
-        stage.meetings.near[i] = AT_WALL
+        stage.meetings.states[i, NEAR] = AT_WALL
         _list_walls(stage, i, answers)
 
 
@@ -276,14 +279,14 @@ def _list_walls(stage, i, answers):
     walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
     u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
-    if stage.meetings.hits[i] >= MOST_HITS:
+    if stage.meetings.states[i, HITS] >= MOST_HITS:
         return
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
         touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
                           stage.accounts, x0, x1, v0, u, True)
         least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
-        if touch.hit and touch.v_n < -least - stage.meetings.blur[i] and (
+        if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
                 k < walls.ends.shape[0]) and not (
                 recall(stage.memory, i, x_count(stage) + c) != NONE
                 and touch.v_n >= -stage.pair_rules.slow):
@@ -314,7 +317,7 @@ def _order_of(sweep, touch, x0, x1):
 @inlined
 def _comes_now(stage, i, order):
     """Whether what has an order is first for particle i, or happens at once with what is."""
-    return stage.rules.sweep is None or order <= stage.meetings.soonest[i] + TIE
+    return stage.rules.sweep is None or order <= stage.meetings.states[i, SOONEST] + TIE
 
 
 @inlined
@@ -325,10 +328,10 @@ def _choose(stage):
         p = meetings.active[k]
         for end in range(2):
             i = meetings.ends[p, end]
-            meetings.soonest[i] = min(meetings.soonest[i], meetings.order[p])
+            meetings.states[i, SOONEST] = min(meetings.states[i, SOONEST], meetings.order[p])
     for k in range(walls.size[0]):
         i = walls.ends[k, 0]
-        meetings.soonest[i] = min(meetings.soonest[i], walls.values[k, ORDER])
+        meetings.states[i, SOONEST] = min(meetings.states[i, SOONEST], walls.values[k, ORDER])
 
 
 @inlined
@@ -356,11 +359,11 @@ def _count_parts(stage):
     for k in range(meetings.size[1]):
         p = meetings.active[k]
         if _is_pair_now(stage, p):
-            meetings.busy[meetings.ends[p, FIRST]] += 1
-            meetings.busy[meetings.ends[p, SECOND]] += 1
+            meetings.states[meetings.ends[p, FIRST], BUSY] += 1
+            meetings.states[meetings.ends[p, SECOND], BUSY] += 1
     for k in range(walls.size[0]):
         if _is_wall_now(stage, k) and _is_passive(stage, walls.ends[k, 0]):
-            meetings.busy[walls.ends[k, 0]] += 1
+            meetings.states[walls.ends[k, 0], BUSY] += 1
 
 
 @inlined
@@ -370,9 +373,10 @@ def _forget_parts(stage):
     for k in range(meetings.size[1]):
         for end in range(2):
             i = meetings.ends[meetings.active[k], end]
-            meetings.busy[i], meetings.soonest[i] = 0, inf
+            meetings.states[i, BUSY], meetings.states[i, SOONEST] = 0, inf
     for k in range(walls.size[0]):
-        meetings.busy[walls.ends[k, 0]], meetings.soonest[walls.ends[k, 0]] = 0, inf
+        i = walls.ends[k, 0]
+        meetings.states[i, BUSY], meetings.states[i, SOONEST] = 0, inf
 
 
 @kernel
@@ -405,7 +409,7 @@ def _list_together(stage):
     for k in range(meetings.size[1]):
         p = meetings.active[k]
         i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-        if max(meetings.busy[i], meetings.busy[j]) > 1 and _is_pair_now(stage, p):
+        if max(meetings.states[i, BUSY], meetings.states[j, BUSY]) > 1 and _is_pair_now(stage, p):
             a, size = _body_of(stage, size, i)
             b, size = _body_of(stage, size, j)
             _write_contact(pile, c, a, b, stage.table.shape[0], p,
@@ -414,7 +418,7 @@ def _list_together(stage):
     pairs = c
     for k in range(walls.size[0]):
         i = walls.ends[k, 0]
-        if meetings.busy[i] > 1 and _is_passive(stage, i) and _is_wall_now(stage, k):
+        if meetings.states[i, BUSY] > 1 and _is_passive(stage, i) and _is_wall_now(stage, k):
             a, size = _body_of(stage, size, i)
             if c == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 break
@@ -429,12 +433,12 @@ def _list_together(stage):
 @inlined
 def _note(meetings, i, turn):
     """Note that a particle has collided in a round."""
-    if meetings.moved[i] != turn:
-        if meetings.hits[i] == 0:
+    if meetings.states[i, MOVED] != turn:
+        if meetings.states[i, HITS] == 0:
             meetings.struck[meetings.size[2]] = i
             meetings.size[2] += 1
-        meetings.moved[i] = turn
-        meetings.hits[i] += 1
+        meetings.states[i, MOVED] = turn
+        meetings.states[i, HITS] += 1
 
 
 @kernel
@@ -449,8 +453,8 @@ def _take_over(stage, size, pairs, contacts, turn):
             a = pile.ends[c, FIRST]
             for end in range(2 if c < pairs else 1):
                 body = pile.ends[c, end]
-                meetings.blur[pile.particle[body]] += (BLURRED * ROUNDING * length(impulse)
-                                                       * pile.bodies[body, INVERSE])
+                meetings.states[pile.particle[body], BLUR] += (
+                    BLURRED * ROUNDING * length(impulse) * pile.bodies[body, INVERSE])
             _note(meetings, pile.particle[a], turn)
             if c < pairs:
                 _note(meetings, pile.particle[pile.ends[c, SECOND]], turn)
@@ -471,7 +475,7 @@ def _take_over(stage, size, pairs, contacts, turn):
             i = pile.particle[body]
             if pile.body[i] != NONE:
                 pile.body[i] = NONE
-                if meetings.moved[i] == turn and _is_passive(stage, i):
+                if meetings.states[i, MOVED] == turn and _is_passive(stage, i):
                     change(stage, i, at(pile.bodies, body, ENDING), pile.work[body])
 
 
@@ -482,10 +486,10 @@ def _is_first(stage, c):
     if pile.ends[c, LAW_ROW] == pairs:
         p = pile.source[c]
         order = meetings.order[p]
-        return order <= meetings.soonest[meetings.ends[p, FIRST]] and (
-            order <= meetings.soonest[meetings.ends[p, SECOND]])
+        return order <= meetings.states[meetings.ends[p, FIRST], SOONEST] and (
+            order <= meetings.states[meetings.ends[p, SECOND], SOONEST])
     k = pile.source[c]
-    return stage.walls.values[k, ORDER] <= meetings.soonest[stage.walls.ends[k, 0]]
+    return stage.walls.values[k, ORDER] <= meetings.states[stage.walls.ends[k, 0], SOONEST]
 
 
 @kernel
@@ -526,7 +530,7 @@ def _respond(stage, dry, wet, room, turn):
         p = meetings.active[k]
         if _is_pair_now(stage, p):
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-            if meetings.busy[i] == 1 and meetings.busy[j] == 1:
+            if meetings.states[i, BUSY] == 1 and meetings.states[j, BUSY] == 1:
                 _collide(stage, p)
                 _note(meetings, i, turn)
                 _note(meetings, j, turn)
@@ -536,9 +540,10 @@ def _respond(stage, dry, wet, room, turn):
                 together = True
     for k in range(walls.size[0]):
         if _is_wall_now(stage, k):
-            if meetings.busy[walls.ends[k, 0]] == 1 or not _is_passive(stage, walls.ends[k, 0]):
+            i = walls.ends[k, 0]
+            if meetings.states[i, BUSY] == 1 or not _is_passive(stage, i):
                 _collide_with_wall(stage, k)
-                _note(meetings, walls.ends[k, 0], turn)
+                _note(meetings, i, turn)
                 alone = True
             else:
                 together = True
@@ -550,7 +555,7 @@ def _respond(stage, dry, wet, room, turn):
 @inlined
 def _look_at_pairs(stage, i, turn):
     """Look at the pairs of particle i again, unless they have been in this round."""
-    meetings, code = stage.meetings, stage.meetings.head[i]
+    meetings, code = stage.meetings, int(stage.meetings.states[i, HEAD])
     while code != NONE:
         p = code >> 1
         if meetings.looked[p] != turn and can_meet(stage.matter, meetings.ends[p, FIRST],
@@ -570,13 +575,13 @@ def _keep_others(stage, turn):
     meetings, walls, kept = stage.meetings, stage.walls, 0
     for k in range(meetings.size[1]):
         p = meetings.active[k]
-        if meetings.moved[meetings.ends[p, FIRST]] != turn and (
-                meetings.moved[meetings.ends[p, SECOND]] != turn):
+        if meetings.states[meetings.ends[p, FIRST], MOVED] != turn and (
+                meetings.states[meetings.ends[p, SECOND], MOVED] != turn):
             meetings.active[kept] = p
             kept += 1
     meetings.size[1], kept = kept, 0
     for k in range(walls.size[0]):
-        if meetings.moved[walls.ends[k, 0]] != turn:
+        if meetings.states[walls.ends[k, 0], MOVED] != turn:
             for d in range(WALL):
                 walls.values[kept, d] = walls.values[k, d]
             walls.ends[kept, 0], walls.ends[kept, 1] = walls.ends[k, 0], walls.ends[k, 1]
@@ -592,13 +597,13 @@ def _look_again(stage, base, slack, turn, answers):
     known = meetings.size[0]
     for k in range(meetings.size[2]):
         i = meetings.struck[k]
-        if meetings.moved[i] == turn:
+        if meetings.states[i, MOVED] == turn:
             follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for k in range(meetings.size[2]):
         i = meetings.struck[k]
-        if meetings.moved[i] == turn:
+        if meetings.states[i, MOVED] == turn:
             _look_at_pairs(stage, i, turn)
-            meetings.near[i] = max(meetings.near[i], AWAY)
+            meetings.states[i, NEAR] = max(meetings.states[i, NEAR], AWAY)
             _look_at_walls(stage, i, answers)
     for p in range(known, meetings.size[0]):
         _meet_walls_of(stage, p, answers)
@@ -614,8 +619,8 @@ def _meet_walls_of(stage, p, answers):
 @inlined
 def _meet_walls(stage, i, answers):
     """Look at the colliders of particle i, if nobody has yet."""
-    if stage.meetings.near[i] == 0:
-        stage.meetings.near[i] = AWAY
+    if stage.meetings.states[i, NEAR] == 0:
+        stage.meetings.states[i, NEAR] = AWAY
         _look_at_walls(stage, i, answers)
 
 
@@ -630,11 +635,15 @@ def _begin(stage, bounced, bounces, answers):
         if meetings.order[p] < inf:
             meetings.active[meetings.size[1]] = p
             meetings.size[1] += 1
-    for p in range(meetings.size[0]):
-        _meet_walls_of(stage, p, answers)
+    if stage.rules.sweep is not None or stage.rules.present.meshes is not None:
+        for p in range(meetings.size[0]):
+            _meet_walls_of(stage, p, answers)
     for block in range(bounces.shape[0]):
-        for k in range(block * BLOCK, block * BLOCK + bounces[block]):
-            _meet_walls(stage, bounced[k], answers)
+        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
+            if bounced[k] >= 0:
+                _meet_walls(stage, bounced[k], answers)
+            else:
+                meetings.states[-1 - bounced[k], NEAR] = AT_WALL
 
 
 @entry
@@ -670,7 +679,8 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
         turn += 1
     for k in range(meetings.size[2]):
         i = meetings.struck[k]
-        meetings.moved[i], meetings.hits[i], meetings.blur[i] = NONE, 0, 0.0
+        meetings.states[i, MOVED], meetings.states[i, HITS] = NONE, 0
+        meetings.states[i, BLUR] = 0.0
 
 
 @kernel
@@ -678,8 +688,14 @@ def part_all(meetings, bounced, bounces):
     """Forget the pairs of a step."""
     for p in range(meetings.size[0]):
         for end in range(2):
-            meetings.head[meetings.ends[p, end]] = NONE
-            meetings.near[meetings.ends[p, end]] = 0
+            _forget(meetings, meetings.ends[p, end])
     for block in range(bounces.shape[0]):
-        for k in range(block * BLOCK, block * BLOCK + bounces[block]):
-            meetings.near[bounced[k]] = 0
+        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
+            _forget(meetings, max(bounced[k], -1 - bounced[k]))
+
+
+@inlined
+def _forget(meetings, i):
+    """Forget what has happened to particle i in a step."""
+    meetings.states[i, HEAD], meetings.states[i, NEAR] = NONE, 0.0
+    meetings.states[i, DRIFT] = 0.0

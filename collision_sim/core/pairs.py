@@ -27,6 +27,7 @@ from math import inf, sqrt
 from typing import NamedTuple, Optional
 
 from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.lines import in_lines
 from collision_sim.core.neighbours import LOW_BITS
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.rules import NONE, ROUNDING
@@ -36,6 +37,11 @@ import numpy as np
 
 MOST_HITS = 10          # of a particle in a step
 FIRST, SECOND = 0, 1    # columns of the ends of a pair
+# Columns of the states of particles: order of what comes first, what it takes part in, round in
+# which it has collided last, how often it has, whether its colliders were looked at, rounding of
+# its velocity that heavy neighbours leave [m/s], how far its path has been led away [m], its last
+# pair as in `Meetings.behind`.
+SOONEST, BUSY, MOVED, HITS, NEAR, BLUR, DRIFT, HEAD, STATES = range(9)
 
 
 class Matter(NamedTuple):
@@ -71,12 +77,9 @@ class Meetings(NamedTuple):
     collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
     collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
     size (3,) int64: how many pairs there are, how many are active, how many particles have
-    collided. head (N,), behind (P, 2) int32: the last pair of each particle, and for each end of a
-    pair the one before, times two and with the end. soonest (N,) float64: order of what comes
-    first for a particle; busy (N,) int32: what it takes part in; moved, hits (N,) int32: the round
-    in which it has collided last, and how often it has; struck (N,) int32: who has collided; near
-    (N,) int8: whether its colliders have been looked at; blur (N,) float64 [m/s]: rounding of its
-    velocity that heavy neighbours leave; heat (N,) int8: of piles.py.
+    collided; behind (P, 2) int32: for each end of a pair the one before of its particle, times two
+    and with the end; struck (N,) int32: who has collided; heat (N,) int8: of piles.py; states
+    (N, STATES): of the particles, a cache line each, as they are looked up here and there.
     """
 
     ends: np.ndarray
@@ -86,30 +89,28 @@ class Meetings(NamedTuple):
     active: np.ndarray
     looked: np.ndarray
     size: np.ndarray
-    head: np.ndarray
     behind: np.ndarray
-    soonest: np.ndarray
-    busy: np.ndarray
-    moved: np.ndarray
-    hits: np.ndarray
     struck: np.ndarray
-    near: np.ndarray
-    blur: np.ndarray
     heat: np.ndarray
+    states: np.ndarray
 
 
 def make_meetings(pairs, count, old=None):
     """Allocate room for a number of pairs of `count` particles; what is of these is taken over."""
-    each = old[7:8] + old[9:] if old else (
-        np.full(count, NONE, dtype=np.int32), np.full(count, inf),
-        np.zeros(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
-        np.zeros(count, dtype=np.int32), np.empty(count, dtype=np.int32),
-        np.zeros(count, dtype=np.int8), np.zeros(count),
-        np.zeros(count, dtype=np.int8))
+    each = old[8:] if old else (np.empty(count, dtype=np.int32), np.zeros(count, dtype=np.int8),
+                                _make_states(count))
     return Meetings(
         np.empty((pairs, 2), dtype=np.int32), np.empty(pairs, dtype=np.int32), np.empty(pairs),
         np.empty((pairs, 3)), np.empty(pairs, dtype=np.int32), np.empty(pairs, dtype=np.int32),
-        np.zeros(3, dtype=np.int64), each[0], np.empty((pairs, 2), dtype=np.int32), *each[1:])
+        np.zeros(3, dtype=np.int64), np.empty((pairs, 2), dtype=np.int32), *each)
+
+
+def _make_states(count):
+    """Allocate the states of particles that nothing has happened to."""
+    states = in_lines(count * STATES).reshape(count, STATES)
+    states[:] = 0.0
+    states[:, SOONEST], states[:, MOVED], states[:, HEAD] = inf, NONE, NONE
+    return states
 
 
 @kernel
@@ -219,12 +220,13 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
-    least = ROUNDING * (largest(vi) + largest(vj) + largest(column(candidates.u, i))
-                        + largest(column(candidates.u, j))) + meetings.blur[i] + meetings.blur[j]
+    speed = largest(vi) + largest(vj) + largest(column(candidates.u, i)) + largest(
+        column(candidates.u, j))
+    least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]
     if meetings.known[p] != NONE:
         least = max(least, slow)
     if not dot(n, relative) < -least or (
-            max(meetings.hits[i], meetings.hits[j]) >= MOST_HITS):
+            max(meetings.states[i, HITS], meetings.states[j, HITS]) >= MOST_HITS):
         order = inf
     meetings.order[p] = order
     meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2] = n

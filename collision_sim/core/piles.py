@@ -53,7 +53,8 @@ from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_collisions import AT_WALL, follow, here_of, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, put, SECOND
+from collision_sim.core.pairs import (can_meet, column, DRIFT, end_normal, FIRST, HEAD, NEAR,
+                                      put, SECOND)
 from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
                                               MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
@@ -169,7 +170,7 @@ def _list_at_walls(stage, bodies, answers):
     for p in range(meetings.size[0]):
         for end in range(2):
             i = meetings.ends[p, end]
-            if meetings.near[i] == AT_WALL and pile.body[i] == NONE and (
+            if meetings.states[i, NEAR] == AT_WALL and pile.body[i] == NONE and (
                     2 * bodies < pile.bodies.shape[0]) and stage.matter.inverse[i] > 0.0:
                 if _is_at_wall(stage, i, answers):
                     _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
@@ -275,7 +276,7 @@ def _spread(stage, i):
         return heat[i] == HOT
     size, done, heat[i], stack[0] = 1, 0, HOT, i
     while done < size and size <= MOST_AGAIN:
-        code = meetings.head[stack[done]]
+        code = int(meetings.states[stack[done], HEAD])
         while code != NONE:
             p = code >> 1
             j = meetings.ends[p, 1 - (code & 1)]
@@ -298,6 +299,8 @@ def _count_met(stage, bodies, base, answers):
     dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
         i = pile.particle[a]
+        meetings.states[i, DRIFT] += dt * length(
+            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
         follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for p in range(meetings.size[0]):
         for end in range(2):
