@@ -69,6 +69,7 @@ TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 AWAY, AT_WALL = 1, 2    # marks of particles whose colliders were looked at: none is near, or one
 LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
+OPEN = 0.15             # the same in the open, where two collide to whom nothing else happens
 # Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
 # and normal, velocity of the collider, point.
 ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
@@ -431,14 +432,22 @@ def _list_together(stage):
 
 
 @inlined
-def _note(meetings, i, turn):
-    """Note that a particle has collided in a round."""
+def _note(meetings, i, turn, in_the_open):
+    """Note that a particle has collided in a round, and whether in the open."""
     if meetings.states[i, MOVED] != turn:
         if meetings.states[i, HITS] == 0:
             meetings.struck[meetings.size[2]] = i
             meetings.size[2] += 1
         meetings.states[i, MOVED] = turn
         meetings.states[i, HITS] += 1
+        meetings.fresh[meetings.size[3]] = -1 - i if in_the_open else i
+        meetings.size[3] += 1
+
+
+@inlined
+def _is_in_the_open(meetings, i):
+    """Whether nothing else has happened to particle i in the step, nor is it at a collider."""
+    return meetings.states[i, HITS] == 0.0 and meetings.states[i, NEAR] != AT_WALL
 
 
 @kernel
@@ -455,9 +464,9 @@ def _take_over(stage, size, pairs, contacts, turn):
                 body = pile.ends[c, end]
                 meetings.states[pile.particle[body], BLUR] += (
                     BLURRED * ROUNDING * length(impulse) * pile.bodies[body, INVERSE])
-            _note(meetings, pile.particle[a], turn)
+            _note(meetings, pile.particle[a], turn, False)
             if c < pairs:
-                _note(meetings, pile.particle[pile.ends[c, SECOND]], turn)
+                _note(meetings, pile.particle[pile.ends[c, SECOND]], turn, False)
                 stage.accounts[0, N_PAIR_COLLISION] += 1
             else:
                 i, k = pile.particle[a], pile.source[c]
@@ -532,8 +541,9 @@ def _respond(stage, dry, wet, room, turn):
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
             if meetings.states[i, BUSY] == 1 and meetings.states[j, BUSY] == 1:
                 _collide(stage, p)
-                _note(meetings, i, turn)
-                _note(meetings, j, turn)
+                free = _is_in_the_open(meetings, i) and _is_in_the_open(meetings, j)
+                _note(meetings, i, turn, free)
+                _note(meetings, j, turn, free)
                 stage.accounts[0, N_PAIR_COLLISION] += 1
                 alone = True
             else:
@@ -543,7 +553,7 @@ def _respond(stage, dry, wet, room, turn):
             i = walls.ends[k, 0]
             if meetings.states[i, BUSY] == 1 or not _is_passive(stage, i):
                 _collide_with_wall(stage, k)
-                _note(meetings, i, turn)
+                _note(meetings, i, turn, False)
                 alone = True
             else:
                 together = True
@@ -595,16 +605,17 @@ def _look_again(stage, base, slack, turn, answers):
     meetings = stage.meetings
     _keep_others(stage, turn)
     known = meetings.size[0]
-    for k in range(meetings.size[2]):
-        i = meetings.struck[k]
-        if meetings.states[i, MOVED] == turn:
-            follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
-    for k in range(meetings.size[2]):
-        i = meetings.struck[k]
-        if meetings.states[i, MOVED] == turn:
-            _look_at_pairs(stage, i, turn)
-            meetings.states[i, NEAR] = max(meetings.states[i, NEAR], AWAY)
-            _look_at_walls(stage, i, answers)
+    for k in range(meetings.size[3]):
+        i = meetings.fresh[k]
+        part = LOOSE if i >= 0 else OPEN
+        i = max(i, -1 - i)
+        follow(stage, i, base[i], part * stage.matter.radius[i] + slack)
+    for k in range(meetings.size[3]):
+        i = max(meetings.fresh[k], -1 - meetings.fresh[k])
+        _look_at_pairs(stage, i, turn)
+        meetings.states[i, NEAR] = max(meetings.states[i, NEAR], AWAY)
+        _look_at_walls(stage, i, answers)
+    meetings.size[3] = 0
     for p in range(known, meetings.size[0]):
         _meet_walls_of(stage, p, answers)
 
@@ -628,7 +639,7 @@ def _meet_walls(stage, i, answers):
 def _begin(stage, bounced, bounces, answers):
     """List what collides to begin with."""
     meetings = stage.meetings
-    meetings.size[1] = meetings.size[2] = stage.walls.size[0] = 0
+    meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
     for p in range(meetings.size[0]):
         enlist(meetings, p)
         meetings.looked[p] = NONE

@@ -76,9 +76,10 @@ class Meetings(NamedTuple):
     did not press; order (P,) float64: when or how deep they meet, inf for those that do not
     collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
     collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
-    size (3,) int64: how many pairs there are, how many are active, how many particles have
-    collided; behind (P, 2) int32: for each end of a pair the one before of its particle, times two
-    and with the end; struck (N,) int32: who has collided; heat (N,) int8: of piles.py; states
+    size (4,) int64: how many pairs there are, how many are active, how many particles have
+    collided, and in this round; behind (P, 2) int32: for each end of a pair the one before of its particle, times two
+    and with the end; struck, fresh (N,) int32: who has collided, and in this round, -1 - i for
+    those in the open; heat (N,) int8: of piles.py; states
     (N, STATES): of the particles, a cache line each, as they are looked up here and there.
     """
 
@@ -91,18 +92,20 @@ class Meetings(NamedTuple):
     size: np.ndarray
     behind: np.ndarray
     struck: np.ndarray
+    fresh: np.ndarray
     heat: np.ndarray
     states: np.ndarray
 
 
 def make_meetings(pairs, count, old=None):
     """Allocate room for a number of pairs of `count` particles; what is of these is taken over."""
-    each = old[8:] if old else (np.empty(count, dtype=np.int32), np.zeros(count, dtype=np.int8),
-                                _make_states(count))
+    each = old[8:] if old else (
+        np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
+        np.zeros(count, dtype=np.int8), _make_states(count))
     return Meetings(
         np.empty((pairs, 2), dtype=np.int32), np.empty(pairs, dtype=np.int32), np.empty(pairs),
         np.empty((pairs, 3)), np.empty(pairs, dtype=np.int32), np.empty(pairs, dtype=np.int32),
-        np.zeros(3, dtype=np.int64), np.empty((pairs, 2), dtype=np.int32), *each)
+        np.zeros(4, dtype=np.int64), np.empty((pairs, 2), dtype=np.int32), *each)
 
 
 def _make_states(count):
