@@ -32,8 +32,11 @@ those that come first for all that take part, to TIE. Then their candidates are 
 pairs and colliders of who has collided are looked at again, with whoever is near its new path, and
 the next round follows until nobody collides. So in a row at rest the push goes from ball to ball,
 and the last one leaves. A particle collides MOST_HITS times in a step; what is left is for the
-contact stage, in piles.py. Of more than joint.MOST collisions at once those come first that are
-deepest, or earliest, for both of their particles. Nothing depends on the order of the particles.
+contact stage, in piles.py. Two that collide by themselves, and not at a collider, are not looked
+for anybody else while they leave their paths by less than OPEN of a radius: to look takes longer
+than to collide, and what they then overlap collides in the next step. Of more than joint.MOST
+collisions at once those come first that are deepest, or earliest, for both of their particles.
+Nothing depends on the order of the particles.
 """
 
 from math import inf

@@ -77,10 +77,10 @@ class Meetings(NamedTuple):
     collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
     collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
     size (4,) int64: how many pairs there are, how many are active, how many particles have
-    collided, and in this round; behind (P, 2) int32: for each end of a pair the one before of its particle, times two
-    and with the end; struck, fresh (N,) int32: who has collided, and in this round, -1 - i for
-    those in the open; heat (N,) int8: of piles.py; states
-    (N, STATES): of the particles, a cache line each, as they are looked up here and there.
+    collided, and in this round; behind (P, 2) int32: for each end of a pair the one before of its
+    particle, times two and with the end; struck, fresh (N,) int32: who has collided, and in this
+    round, those in the open as -1 - i; heat (N,) int8: of piles.py; states (N, STATES): of the
+    particles, a cache line each, as they are looked up here and there.
     """
 
     ends: np.ndarray

@@ -293,26 +293,46 @@ def _spread(stage, i):
 
 
 @kernel
+def _mark_met(stage, i):
+    """Mark the pairs of particle i that are met anew, and their ends as cold."""
+    meetings, code = stage.meetings, int(stage.meetings.states[i, HEAD])
+    while code != NONE:
+        p = code >> 1
+        meetings.heat[meetings.ends[p, FIRST]] = meetings.heat[meetings.ends[p, SECOND]] = COLD
+        if meetings.looked[p] > IN_CONTACT and _is_met_anew(stage, p):
+            meetings.looked[p] = MET_ANEW
+        code = meetings.behind[p, code & 1]
+
+
+@kernel
+def _count_met_by(stage, i):
+    """Count who particle i meets anew, in groups that are small enough."""
+    meetings, code, met = stage.meetings, int(stage.meetings.states[i, HEAD]), 0
+    while code != NONE:
+        p = code >> 1
+        if meetings.looked[p] == MET_ANEW:
+            first, second = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+            met += _spread(stage, first if stage.matter.inverse[first] > 0.0 else second)
+        code = meetings.behind[p, code & 1]
+    return met
+
+
+@kernel
 def _count_met(stage, bodies, base, answers):
-    """Count who is met anew where the pushes have led, in groups that are small enough."""
+    """Count who is met anew where the pushes have led."""
     meetings, pile, met = stage.meetings, stage.pile, 0
     dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
         i = pile.particle[a]
+        meetings.heat[i] = COLD
         meetings.states[i, DRIFT] += dt * length(
             subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
         follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
-    for p in range(meetings.size[0]):
-        for end in range(2):
-            meetings.heat[meetings.ends[p, end]] = COLD
-        if meetings.looked[p] > IN_CONTACT and _is_met_anew(stage, p):
-            meetings.looked[p] = MET_ANEW
-    for p in range(meetings.size[0]):
-        if meetings.looked[p] == MET_ANEW:
-            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-            met += _spread(stage, i if stage.matter.inverse[i] > 0.0 else j)
+    for a in range(bodies):
+        _mark_met(stage, pile.particle[a])
     for a in range(bodies):
         i = pile.particle[a]
+        met += _count_met_by(stage, i)
         shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
         if shift > SUPPORT_REACH * stage.matter.radius[i] and stage.matter.inverse[i] > 0.0:
             if _is_at_wall(stage, i, answers):
@@ -336,9 +356,10 @@ def _end(stage, dry, base, again, numbers, answers):
             _lean(stage, stage.ledger, dry,
                   here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
     numbers[MET] = _count_met(stage, bodies, base, answers)
-    for p in range(stage.meetings.size[0]):
-        i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
-        stage.meetings.known[p] = recall(stage.memory, i, j)
+    if numbers[MET] > 0:
+        for p in range(stage.meetings.size[0]):
+            i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
+            stage.meetings.known[p] = recall(stage.memory, i, j)
 
 
 @entry
