@@ -19,7 +19,7 @@ import pytest
 from small_scenes import G, METHODS, plane, simulate
 
 RADIUS = 0.1
-OPEN = 0.15             # share of it that two who collide by themselves may leave somebody overlapped
+OPEN = 0.15             # share of it by which two who collide by themselves may overlap a third
 DETECTIONS = ['end_of_step', 'trajectory']
 
 
