@@ -19,7 +19,7 @@ Only simulations that have some of them have a Coupling. The arithmetic is in co
 core/pairs.py.
 """
 
-from collision_sim.core.candidates import Candidates
+from collision_sim.core.candidates import make_candidates
 from collision_sim.core.motion import subdivide
 from collision_sim.core.plan import make_plan
 from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED
@@ -29,7 +29,6 @@ from collision_sim.core.strikes import strike_blocks
 from collision_sim.core.threads import Crew, share
 from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
-import numpy as np
 
 FEW = 3                 # blocks; for fewer a second thread costs more than it brings
 
@@ -51,8 +50,7 @@ class Coupling:
     """
 
     def __init__(self, scene):
-        shape = 3, len(scene.particles.position)
-        self._candidates = Candidates(np.empty(shape), np.empty(shape))
+        self._candidates = make_candidates(len(scene.particles.position))
         self._solver = self._parts = None
         self._pairs = PairSolver(scene) if scene.pairs else None
         self.adopt(scene)

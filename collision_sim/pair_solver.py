@@ -15,14 +15,19 @@
 
 """Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
 
+from collision_sim.core.around import make_moved
+from collision_sim.core.bounces import find_bounces
+from collision_sim.core.broad_phase import most_move
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
-from collision_sim.core.contact_solver import make_pile, make_work
+from collision_sim.core.contact_solver import make_pile, make_work, MET
+from collision_sim.core.jit import bound
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
+from collision_sim.core.pair_collisions import collide_all, make_walls, Stage
 from collision_sim.core.pair_memory import Memory
-from collision_sim.core.pairs import collide_all, list_meetings, Matter, Meetings, PairRules
-from collision_sim.core.piles import settle
-from collision_sim.core.rules import N_UNDECIDED, NONE
+from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
+from collision_sim.core.piles import AGAIN, part, settle
+from collision_sim.core.rules import CHECKS, N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import prepare, share
 from collision_sim.tables import collider_table, pair_row
@@ -31,6 +36,7 @@ import numpy as np
 FEW = 4                 # blocks; for fewer a second thread costs more than it brings
 SWEEPS = 4              # over the contacts for each of the scene's iterations
 MOST_SUPPORTS = 4       # colliders that may carry a particle, on average
+ROOMY = 2               # times the pairs that there is room for at least: a step finds more
 MARGIN = 2.0 ** -20     # share of a radius that particles may be apart and count as near
 
 
@@ -53,12 +59,11 @@ class PairSolver:
                               1.0 / _each(scene.particles.mass, count))
         self._centre, self._extent = np.empty((3, count)), np.empty(count)
         self._bounds = np.empty((-(-count // BLOCK), BOUNDS))
+        self._bounced = np.empty(count, dtype=np.int32)
+        self._bounces = np.zeros((len(self._bounds), 2), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
         self._cells = None
-        self._meetings = Meetings(
-            np.empty((0, 2), dtype=np.int32), _nobody(0), np.empty(0), np.empty((0, 3)),
-            _nobody(count), _nobody(count), np.zeros(count, dtype=np.int32), _nobody(count),
-            np.empty((3, count)))
+        self._meetings, self._walls = make_meetings(0, count), make_walls(0)
         self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
                               np.empty((0, 3)), _nobody(0), _nobody(count))
@@ -98,34 +103,68 @@ class PairSolver:
 
         """
         rules, count = parts.rules, len(self._base)
+        candidates.settled[:] = 0
         if count == 0:
             return
         threads = threads if count > FEW * BLOCK else 1
-        self._sort(rules, parts, candidates, flies, threads)
+        base = self._reaching(parts)
+        self._sort(rules, parts, candidates, flies, base, threads)
         pieces = -(-int(self._cells.start[slots_in(self._cells.levels)]) // PIECE)
         self._find(pieces, threads)
         parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        if pairs == 0:
+        self._find_bounces(parts, candidates, threads)
+        bounces = int(self._bounces[:, 1].sum())
+        if pairs == 0 and bounces == 0:
             self.forget()
             return
-        if pairs > len(self._meetings.ends):
-            self._make_room(2 * pairs)
-        shared = parts.x, parts.v, candidates, self._meetings
-        settling = (make_work(self._sweeps, self._rules.slow), rules, self._rules, self._dry,
-                    self._wet, parts.table, parts.poses, parts.motion, self._matter, parts.ledger,
-                    *shared, pairs, self._pile, self._memory, parts.log, parts.accounts)
-        kind = tuple(each is None for each in settling)
-        if kind not in self._compiled:      # before the velocities change
-            prepare(settle, *settling)
-            self._compiled.add(kind)
+        needed = ROOMY * (pairs + bounces)
+        if needed > len(self._meetings.ends):
+            self._make_room(2 * needed)
+        self._meetings.size[0] = pairs
+        stage = Stage(rules._replace(checks=CHECKS, planes=None), self._rules, self._matter,
+                      self._meetings, self._memory, self._cells, self._moved, self._pile,
+                      self._walls, candidates, parts.table, parts.poses, parts.motion, parts.log,
+                      parts.accounts, parts.ledger, parts.x, parts.v)
+        self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
-              ends - self._near.count[:pieces], *shared)
-        collide_all(rules.sweep, self._rules, rules.flight, self._matter, parts.ledger, *shared,
-                    pairs, parts.accounts)
-        share(settle, threads, *settling)
+              ends - self._near.count[:pieces], parts.x, parts.v, candidates, self._meetings)
+        collide_all(stage, self._dry, self._wet, base, self._bounced, self._bounces)
+        for again in range(AGAIN):
+            work = make_work(self._sweeps, self._rules.slow)
+            share(settle, threads, work, stage, self._dry, self._wet, base, again > 0)
+            if work.numbers[MET] == 0:
+                break
+        part(self._meetings, self._bounced, self._bounces)
+
+    def _prepare(self, stage, base):
+        """Compile first what is called after velocities have changed: a signal parts them not."""
+        kind = tuple(each is None for each in stage)
+        if kind not in self._compiled:
+            prepare(settle, make_work(self._sweeps, self._rules.slow), stage, self._dry, self._wet,
+                    base, False)
+            bound(part, self._meetings, self._bounced, self._bounces)
+            self._compiled.add(kind)
+
+    def _find_bounces(self, parts, candidates, threads):
+        """Find who collides with colliders, where nobody sweeps."""
+        if parts.rules.sweep is None and len(parts.table):
+            share(find_bounces, threads, parts.grid, parts.rules, parts.table, parts.poses,
+                  parts.motion, self._matter.radius, self._centre, parts.x, parts.v, candidates,
+                  self._bounced, self._bounces)
+
+    def _reaching(self, parts):
+        """Extent of each particle without its path, with how far a collider may move it."""
+        if parts.motion is None:
+            return self._base
+        move = min(most_move(parts.motion, 0, parts.table), self._matter.radius.max())
+        base = np.where(self._base > 0.0, self._base + move, 0.0)
+        if parts.rules.sweep is None:
+            self._extent[:] = base
+            self._bounds[:, LARGEST] = base.max(initial=0.0)
+        return base
 
     def forget(self):
         """Forget the impulses of the last step."""
@@ -135,12 +174,11 @@ class PairSolver:
     def _make_room(self, pairs):
         """Make room for a number of pairs."""
         count = len(self._base)
-        bodies = min(2 * pairs, count)
+        bodies = min(4 * pairs, count)
         supports = MOST_SUPPORTS * bodies
         contacts = pairs + supports
-        self._meetings = Meetings(
-            np.empty((pairs, 2), dtype=np.int32), _nobody(pairs), np.empty(pairs),
-            np.empty((pairs, 3)), *self._meetings[4:])
+        self._meetings = make_meetings(pairs, count, self._meetings)
+        self._walls = make_walls(supports)
         self._pile = make_pile(bodies + supports, contacts, self._pile.body)
         old, known = self._memory, self._memory.size[0]
         self._memory = Memory(
@@ -149,15 +187,16 @@ class PairSolver:
         for before, now in zip(old[1:4], self._memory[1:4]):
             now[:known] = before[:known]
 
-    def _sort(self, rules, parts, candidates, flies, threads):
+    def _sort(self, rules, parts, candidates, flies, base, threads):
         """Sort the particles into the grid."""
         if self._cells is None or len(self._cells.counts) != threads or (
                 (self._cells.level is not None) != self._many):
             self._cells = make_cells(len(self._base), threads, self._many)
             self._chunk_counts = np.zeros((threads, LEVELS), dtype=np.int64)
+            self._moved = make_moved(self._centre, self._extent, len(self._cells.start))
         share(lay_out_cells, threads, np.zeros(2 * PHASES + 1, dtype=np.int64), self._cells,
               self._chunk_counts, self._bounds, flies, rules.sweep, rules.flight, parts.ledger,
-              self._base, parts.x, parts.v, candidates, self._centre, self._extent)
+              base, parts.x, parts.v, candidates, self._centre, self._extent)
 
     def _find(self, pieces, threads):
         """Find the pairs that are near each other, with as much room as they need."""

@@ -33,10 +33,29 @@ import numpy as np
 
 
 class Candidates(NamedTuple):
-    """Mean and end velocity of every particle over a step, both (3, N) float64 [m/s]."""
+    """
+    Mean and end velocity of every particle over a step, both (3, N) float64 [m/s].
+
+    settled (N,) int8: 1 for particles whose collisions of the step pairs have answered, with those
+    of their colliders; what is left for these is to end no step inside, and no approach twice.
+    """
 
     u: np.ndarray
     w: np.ndarray
+    settled: np.ndarray
+
+
+def make_candidates(count):
+    """Allocate the candidates of a number of particles."""
+    return Candidates(np.empty((3, count)), np.empty((3, count)), np.zeros(count, dtype=np.int8))
+
+
+@inlined
+def is_settled(candidates, i):
+    """Whether pairs have answered the collisions of particle i, with those of its colliders."""
+    if candidates is not None:
+        return candidates.settled[i] != 0
+    return False
 
 
 @formula
@@ -61,7 +80,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
     for i in range(v.shape[1]):
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
-        here = Here(0, 0, 0, i // block_size, i, 0.0, None)
+        here = Here(0, 0, 0, i // block_size, i, 0.0, None, None)
         book_flight(ledger, here, flight.dt, start, u, w, 1.0)
         for d in range(3):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 """
-The contacts of a pile, and the impulses that solve them: projected Gauss-Seidel, in colours.
+The contacts of a large pile, and the impulses that solve them: projected Gauss-Seidel, in colours.
+
+Groups of few contacts are solved exactly, by joint.py.
 
 Each contact in turn is solved for by itself, with its own impulse so far taken out, so that
 friction gets the slip that it acts on; that is exact, as balls do not spin. Nesterov's
@@ -37,6 +39,7 @@ from typing import NamedTuple
 from collision_sim.core.impulses import dry_factor, wet_factor
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.pairs import FIRST, SECOND
+from collision_sim.core.rules import NONE
 from collision_sim.core.threads import fetch_add, finish
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 import numpy as np
@@ -53,7 +56,7 @@ ENOUGH = 1e-6           # share of the change of the first sweep
 LEAST = 1e-12           # share of what gravity does in a step; below is rounding
 COLOURS = 64            # the last one is for what has no other, and is not divided
 PIECE = 128             # contacts or bodies that a thread claims at once
-BODIES, PAIRS, SIZE, CONTACTS, COLOURED, NUMBERS = 0, 1, 2, 3, 4, 5     # columns of the numbers
+BODIES, PAIRS, SIZE, CONTACTS, COLOURED, GROUPS, MET, NUMBERS = range(8)    # of the numbers
 
 
 class Pile(NamedTuple):
@@ -61,9 +64,11 @@ class Pile(NamedTuple):
     The contacts of a step: scratch.
 
     bodies (B, BODY); particle (B,) int32; ends (C, ENDS) int32; contacts (C, CONTACT); body (N,)
-    int32: of each particle, NONE without contacts; used (B,) int64: colours of a body, as bits;
-    colour (C,) int8; order (C,) int32: contacts by colour; changes (pieces, 2): of the pieces of a
-    sweep, as `totals` of the sweeps.
+    int32: of each particle, NONE without contacts; used (B,) int64: colours of a body, as bits, or
+    what groups.py makes of it; colour (C,) int8: NONE for contacts of small groups; order (C,)
+    int32: contacts by colour; changes (pieces, 2): of the pieces of a sweep, as `totals` of the
+    sweeps; label (B,), group (C + 1,), member (C,) int32: of groups.py; source (C,) int32, work
+    (B,) [J/kg]: of pair_collisions.py.
     """
 
     bodies: np.ndarray
@@ -75,6 +80,11 @@ class Pile(NamedTuple):
     colour: np.ndarray
     order: np.ndarray
     changes: np.ndarray
+    label: np.ndarray
+    group: np.ndarray
+    member: np.ndarray
+    source: np.ndarray
+    work: np.ndarray
 
 
 class Work(NamedTuple):
@@ -84,7 +94,8 @@ class Work(NamedTuple):
     sweeps: most of each kind; slow [m/s]: what gravity does in a step; progress (2 * phases,)
     int64: of threads.finish; totals (2 * sweeps, 2): energy [J] and largest speed [m/s] of the
     changes of each sweep; numbers (NUMBERS,) int64: bodies that are particles, contacts between
-    these, all bodies, all contacts, colours; start (COLOURS + 1,) int64: of each in their order.
+    these, all bodies, all contacts, colours, groups, how many have been met anew; start
+    (COLOURS + 1,) int64: of each in their order.
     """
 
     sweeps: int
@@ -114,12 +125,15 @@ def make_pile(bodies, contacts, body):
     return Pile(np.empty((bodies, BODY)), np.empty(bodies, dtype=np.int32),
                 np.empty((contacts, ENDS), dtype=np.int32), np.empty((contacts, CONTACT)), body,
                 np.empty(bodies, dtype=np.int64), np.empty(contacts, dtype=np.int8),
-                np.empty(contacts, dtype=np.int32), np.empty((contacts // PIECE + COLOURS, 2)))
+                np.empty(contacts, dtype=np.int32), np.empty((contacts // PIECE + COLOURS, 2)),
+                np.empty(bodies, dtype=np.int32), np.empty(contacts + 1, dtype=np.int32),
+                np.empty(contacts, dtype=np.int32), np.empty(contacts, dtype=np.int32),
+                np.empty(bodies))
 
 
 def make_work(sweeps, slow):
     """Allocate what a step needs, with its most sweeps and what gravity does in it [m/s]."""
-    return Work(sweeps, slow, np.zeros(4 * sweeps * (COLOURS + 2) + 8, dtype=np.int64),
+    return Work(sweeps, slow, np.zeros(4 * sweeps * (COLOURS + 2) + 10, dtype=np.int64),
                 np.empty((2 * sweeps, 2)), np.zeros(NUMBERS, dtype=np.int64),
                 np.zeros(COLOURS + 1, dtype=np.int64))
 
@@ -167,21 +181,23 @@ def _choose_colour(pile, c):
 
 @kernel
 def colour_contacts(work, pile):
-    """Colour the contacts, and order them by colour."""
+    """Colour the contacts that have a colour at all, and order them by colour."""
     start, count, colours = work.start, work.numbers[CONTACTS], 0
     for a in range(work.numbers[SIZE]):
         pile.used[a] = 0
     for c in range(count):
-        k = _choose_colour(pile, c)
-        start[k] += 1
-        colours = max(colours, k + 1)
+        if pile.colour[c] != NONE:
+            k = _choose_colour(pile, c)
+            start[k] += 1
+            colours = max(colours, k + 1)
     row = 0
     for k in range(COLOURS + 1):
         start[k], row = row, row + start[k]
     for c in range(count):
         k = pile.colour[c]
-        pile.order[start[k]] = c
-        start[k] += 1
+        if k != NONE:
+            pile.order[start[k]] = c
+            start[k] += 1
     for k in range(COLOURS, 0, -1):
         start[k] = start[k - 1]
     start[0] = 0
@@ -189,7 +205,7 @@ def colour_contacts(work, pile):
 
 
 @inlined
-def _slide(dry, wet, laws, law, relative, n, mass, impulse, pressing):
+def slide(dry, wet, laws, law, relative, n, mass, impulse, pressing):
     """Impulse of friction that a normal impulse causes, for a slip that holds its own so far."""
     if dry is None and wet is None:
         return (0.0, 0.0, 0.0)
@@ -213,8 +229,8 @@ def _press(dry, wet, laws, pile, c, beyond):
     after = (0.0, 0.0, 0.0)
     if alone < contacts[c, END_BOUND]:
         pressing = mass * (contacts[c, END_BOUND] - alone)
-        after = add_scaled(_slide(dry, wet, laws, pile.ends[c, LAW_ROW], relative, n, mass,
-                                  impulse, pressing), pressing, n)
+        after = add_scaled(slide(dry, wet, laws, pile.ends[c, LAW_ROW], relative, n, mass,
+                                 impulse, pressing), pressing, n)
     put_at(contacts, c, KEPT_IMPULSE, kept)
     put_at(contacts, c, IMPULSE, after)
     change = subtract(after, impulse)

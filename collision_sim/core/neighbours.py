@@ -69,7 +69,7 @@ def _candidate(flies, flight, ledger, block, v, candidates, i):
     if flies is not None:
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
-        book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None), flight.dt, start, u, w, 1.0)
+        book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None, None), flight.dt, start, u, w, 1.0)
         for d in range(3):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
         return u
@@ -78,9 +78,13 @@ def _candidate(flies, flight, ledger, block, v, candidates, i):
 
 @inlined
 def _stretch(sweep, base, extent, i, half):
-    """Write the extent of particle i with half of its path [m], if there are sweeps."""
+    """
+    Write the extent of particle i with half of its path [m], if there are sweeps.
+
+    Around the middle of its path, a collider may throw it back to three times as far.
+    """
     if sweep is not None:
-        extent[i] = base[i] + half if half < inf else 0.0
+        extent[i] = base[i] + 3.0 * half if half < inf else 0.0
 
 
 @inlined

@@ -14,43 +14,34 @@
 
 
 """
-The collision stage between particles: elastic, on the velocities at the start of the step.
+Pairs of particles that are near each other in a step: which they are, and where they meet.
 
-Two particles collide if they overlap where their candidates end (with sweeps: meet on the way) and
-approach each other. Who pressed on each other when the last step ended stays in contact, unless
-they approach faster than gravity makes it in a step: what the sweeps of a pile have left of an
-approach is no collision. Each gets its part, by the masses, of one change of their relative
-velocity: restitution along the normal, friction along the surface. So the momentum of a pair is
-conserved to rounding, and with restitution 1 and without friction its energy. Balls do not spin:
-friction at their surfaces does not conserve angular momentum about their centres.
-
-Of several collisions of one particle the deepest comes first (with sweeps: the earliest). In each
-round the pairs respond that come first for both of their particles; their candidates are flown
-anew, the pairs that they are part of are looked at again, and the next round follows until nobody
-collides. A particle collides MOST_HITS times in a step; what is left is for the contact stage, in
-piles.py. Ties go to the pair that was listed first, and the list is in the order of the places, so
-that nothing depends on the order of the particles.
+Two particles meet if they overlap where their candidates end, or with sweeps on the way there.
+Nobody changes places with another one: who overlaps nobody at the end, and has passed somebody on
+the way, has met as well. The normal is that where the paths end, with sweeps that where they meet;
+where a pair has passed each other it is that where they met, else that at the end would draw them
+through each other.
 """
 
 from math import inf, sqrt
 from typing import NamedTuple, Optional
 
-from collision_sim.core.candidates import fly_anew
-from collision_sim.core.impulses import dry_factor, wet_factor
-from collision_sim.core.jit import entry, inlined, kernel, law
-from collision_sim.core.laws import normal_impulse
-from collision_sim.core.ledger import book, INTERNAL, kinetic
+from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.lines import in_lines
 from collision_sim.core.neighbours import LOW_BITS
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.rules import Here, N_PAIR_COLLISION, NONE, ROUNDING
-from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.stepping import BLOCK
+from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled, subtract)
 import numpy as np
 
 MOST_HITS = 10          # of a particle in a step
 FIRST, SECOND = 0, 1    # columns of the ends of a pair
+# Columns of the states of particles: order of what comes first, what it takes part in, round in
+# which it has collided last, how often it has, whether its colliders were looked at, rounding of
+# its velocity that heavy neighbours leave [m/s], how far its path has been led away [m], its last
+# pair as in `Meetings.behind`.
+SOONEST, BUSY, MOVED, HITS, NEAR, BLUR, DRIFT, HEAD, STATES = range(9)
 
 
 class Matter(NamedTuple):
@@ -82,21 +73,47 @@ class Meetings(NamedTuple):
     The pairs that are near each other: scratch.
 
     ends (P, 2) int32: their particles; known (P,) int32: row of the memory, NONE for those that
-    did not press; order (P,) float64: which comes first, inf for those that do not collide; normal
-    (P, 3) [-]: from the second to the first; first (N,) int32: the pair that comes first for a
-    particle; moved, hits (N,) int32: the round in which it has collided last, and how often it
-    has; struck (N,) int32: who has collided; before (3, N) [m/s]: its velocity before it has.
+    did not press; order (P,) float64: when or how deep they meet, inf for those that do not
+    collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
+    collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
+    size (4,) int64: how many pairs there are, how many are active, how many particles have
+    collided, and in this round; behind (P, 2) int32: for each end of a pair the one before of its
+    particle, times two and with the end; struck, fresh (N,) int32: who has collided, and in this
+    round, those in the open as -1 - i; heat (N,) int8: of piles.py; states (N, STATES): of the
+    particles, a cache line each, as they are looked up here and there.
     """
 
     ends: np.ndarray
     known: np.ndarray
     order: np.ndarray
     normal: np.ndarray
-    first: np.ndarray
-    moved: np.ndarray
-    hits: np.ndarray
+    active: np.ndarray
+    looked: np.ndarray
+    size: np.ndarray
+    behind: np.ndarray
     struck: np.ndarray
-    before: np.ndarray
+    fresh: np.ndarray
+    heat: np.ndarray
+    states: np.ndarray
+
+
+def make_meetings(pairs, count, old=None):
+    """Allocate room for a number of pairs of `count` particles; what is of these is taken over."""
+    each = old[8:] if old else (
+        np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
+        np.zeros(count, dtype=np.int8), _make_states(count))
+    return Meetings(
+        np.empty((pairs, 2), dtype=np.int32), np.empty(pairs, dtype=np.int32), np.empty(pairs),
+        np.empty((pairs, 3)), np.empty(pairs, dtype=np.int32), np.empty(pairs, dtype=np.int32),
+        np.zeros(4, dtype=np.int64), np.empty((pairs, 2), dtype=np.int32), *each)
+
+
+def _make_states(count):
+    """Allocate the states of particles that nothing has happened to."""
+    states = in_lines(count * STATES).reshape(count, STATES)
+    states[:] = 0.0
+    states[:, SOONEST], states[:, MOVED], states[:, HEAD] = inf, NONE, NONE
+    return states
 
 
 @kernel
@@ -136,14 +153,7 @@ def apart_at_end(dt, x, candidates, i, j):
 
 
 @inlined
-def _meet_at_end(dt, size, x, v, candidates, i, j):
-    """Depth with a minus sign [m] where the candidates end, and the normal there."""
-    distance, n = direction(apart_at_end(dt, x, candidates, i, j), v)
-    return (distance - size if distance < size else inf), n
-
-
-@inlined
-def _meet_on_way(dt, size, x, v, candidates, i, j):
+def meet_on_way(dt, size, x, v, candidates, i, j):
     """
     Share of the step after which two particles meet, inf if they do not, and the normal there.
 
@@ -171,31 +181,61 @@ def _meet_on_way(dt, size, x, v, candidates, i, j):
 
 
 @inlined
+def have_passed(x, end, i, j):
+    """Whether two particles have changed places, for the vector between them at the end."""
+    return dot(end, subtract(column(x, i), column(x, j))) < 0.0
+
+
+@inlined
+def end_normal(sweep, dt, size, x, v, candidates, i, j):
+    """
+    Gap [m] of two particles where their candidates end, along the normal to act on, and that.
+
+    The normal is that at the end, unless they have passed each other, or with sweeps meet on the
+    way only; the gap is then how far they are from where they have met.
+    """
+    end = apart_at_end(dt, x, candidates, i, j)
+    distance, n = direction(end, v)
+    if distance < size:
+        met = have_passed(x, end, i, j)
+    else:
+        met = sweep is not None
+    if met:
+        share, n_met = meet_on_way(dt, size, x, v, candidates, i, j)
+        if share <= 1.0:
+            return dot(end, n_met) - size, n_met
+    return distance - size, n
+
+
+@inlined
 def _meet(sweep, dt, size, x, v, candidates, i, j):
     """When or how deep two particles meet, inf if they do not, and the normal."""
     if sweep is not None:
-        return _meet_on_way(dt, size, x, v, candidates, i, j)
-    return _meet_at_end(dt, size, x, v, candidates, i, j)
+        return meet_on_way(dt, size, x, v, candidates, i, j)
+    gap, n = end_normal(sweep, dt, size, x, v, candidates, i, j)
+    return (gap if gap < 0.0 else inf), n
 
 
-@kernel
+@inlined
 def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     """Write when or how deep pair p collides, and its normal."""
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
     order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
-    least = ROUNDING * (largest(vi) + largest(vj))
+    speed = largest(vi) + largest(vj) + largest(column(candidates.u, i)) + largest(
+        column(candidates.u, j))
+    least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]
     if meetings.known[p] != NONE:
         least = max(least, slow)
     if not dot(n, relative) < -least or (
-            max(meetings.hits[i], meetings.hits[j]) >= MOST_HITS):
+            max(meetings.states[i, HITS], meetings.states[j, HITS]) >= MOST_HITS):
         order = inf
     meetings.order[p] = order
     meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2] = n
 
 
-@kernel
+@inlined
 def can_meet(matter, i, j):
     """Whether two particles do anything to each other: not points, nor two infinite masses."""
     inverse, radius = matter.inverse, matter.radius
@@ -213,8 +253,6 @@ def _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first, x, v
         meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
         meetings.order[p], meetings.known[p] = inf, recall(memory, i, j)
         if can_meet(matter, i, j):
-            put(meetings.before, i, column(v, i))
-            put(meetings.before, j, column(v, j))
             look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p)
 
 
@@ -229,7 +267,7 @@ def list_meetings(posted, counters, sweep, slow, dt, matter, memory, cells, near
     posted, counters
         Of threads.share.
     sweep, matter, cells, near, x, v, candidates, meetings
-        As in `collide_all`.
+        As in `pair_collisions.collide_all`.
     slow : float [m/s]
         Of PairRules.
     memory : pair_memory.Memory
@@ -248,135 +286,3 @@ def list_meetings(posted, counters, sweep, slow, dt, matter, memory, cells, near
                     candidates, meetings)
         piece = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)
-
-
-@inlined
-def friction_factor(dry, wet, laws, c, slip, dv_n):
-    """Factor of the friction in row c of the laws on a tangential velocity; 1 without friction."""
-    if dry is None and wet is None:
-        return 1.0
-    return dry_factor(dry, laws, c, length(slip), dv_n) * wet_factor(wet, laws, c, dv_n)
-
-
-@inlined
-def relative_change(rules, relative, n):
-    """Change of the relative velocity [m/s] of a pair in a collision along the normal n."""
-    c = rules.laws.shape[0] - 1
-    v_n = dot(relative, n)
-    dv_n = normal_impulse(v_n, rules.laws[c, RESTITUTION])
-    slip = add_scaled(relative, -v_n, n)
-    factor = friction_factor(rules.dry, rules.wet, rules.laws, c, slip, dv_n)
-    return add_scaled(scaled(dv_n, n), factor - 1.0, slip)
-
-
-@inlined
-def _change(flight, ledger, v, candidates, i, change):
-    """Change the velocity of particle i at the start of the step, and fly it anew."""
-    before = column(v, i)
-    after = add_scaled(before, 1.0, change)
-    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None)
-    u, w = fly_anew(candidates, ledger, here, flight, before, after, column(candidates.u, i),
-                    column(candidates.w, i))
-    book(ledger, here, INTERNAL, kinetic(before, after))
-    put(v, i, after)
-    put(candidates.u, i, u)
-    put(candidates.w, i, w)
-
-
-@kernel
-def collide(rules, flight, matter, ledger, v, candidates, meetings, p):
-    """Let the particles of pair p collide."""
-    i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-    n = (meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2])
-    dv = relative_change(rules, subtract(column(v, i), column(v, j)), n)
-    total = matter.inverse[i] + matter.inverse[j]
-    _change(flight, ledger, v, candidates, i, scaled(matter.inverse[i] / total, dv))
-    _change(flight, ledger, v, candidates, j, scaled(-matter.inverse[j] / total, dv))
-
-
-@kernel
-def _choose(meetings, count):
-    """Let each particle choose the pair that comes first; whether there is any."""
-    found = False
-    for p in range(count):
-        if meetings.order[p] < inf:
-            found = True
-            for k in range(2):
-                i = meetings.ends[p, k]
-                if meetings.first[i] == NONE or (
-                        meetings.order[p] < meetings.order[meetings.first[i]]):
-                    meetings.first[i] = p
-    return found
-
-
-@inlined
-def _note(meetings, i, turn, struck):
-    """Note that a particle has collided in a round; how many have."""
-    if meetings.hits[i] == 0:
-        meetings.struck[struck] = i
-        struck += 1
-    meetings.moved[i] = turn
-    meetings.hits[i] += 1
-    return struck
-
-
-@kernel
-def _respond(rules, flight, matter, ledger, v, candidates, meetings, count, turn, struck):
-    """Let the pairs collide that both of their particles have chosen; how many, and who has."""
-    hits = 0
-    for p in range(count):
-        if meetings.order[p] < inf:
-            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-            if meetings.first[i] == p and meetings.first[j] == p:
-                collide(rules, flight, matter, ledger, v, candidates, meetings, p)
-                struck = _note(meetings, j, turn, _note(meetings, i, turn, struck))
-                hits += 1
-    return hits, struck
-
-
-@kernel
-def _forget(meetings, count):
-    """Forget the choices."""
-    for p in range(count):
-        if meetings.order[p] < inf:
-            meetings.first[meetings.ends[p, FIRST]] = NONE
-            meetings.first[meetings.ends[p, SECOND]] = NONE
-
-
-@law
-def collide_all(sweep, rules, flight, matter, ledger, x, v, candidates, meetings, count,
-                accounts):
-    """
-    Run the collision stage between particles.
-
-    Parameters
-    ----------
-    sweep : int or None
-        1: pairs meet on the way; None: where their candidates end.
-    rules : PairRules
-        What pairs do.
-    flight, ledger, x, v, candidates
-        As in candidates.py; v and the candidates are changed.
-    matter : Matter
-        Of the particles.
-    meetings : Meetings
-        Of `list_meetings`; written. `first` and `moved` are NONE, `hits` 0 before and after.
-    count : int
-        How many pairs are listed.
-    accounts : (blocks, ACCOUNTS) int64
-        Collisions are counted in the first row.
-
-    """
-    turn, struck = 0, 0
-    while _choose(meetings, count):
-        hits, struck = _respond(rules, flight, matter, ledger, v, candidates, meetings, count,
-                                turn, struck)
-        accounts[0, N_PAIR_COLLISION] += hits
-        _forget(meetings, count)
-        for p in range(count):
-            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-            if turn in (meetings.moved[i], meetings.moved[j]) and can_meet(matter, i, j):
-                look_at(sweep, rules.slow, flight.dt, matter, x, v, candidates, meetings, p)
-        turn += 1
-    for k in range(struck):
-        meetings.moved[meetings.struck[k]], meetings.hits[meetings.struck[k]] = NONE, 0

@@ -15,28 +15,31 @@
 """
 The contacts of a pile: which there are, within which bounds, and what they had in the last step.
 
-Between particles, and with the colliders that may carry them. The bounds of the normal velocities
-are said in piles.py.
+Between particles, and with the colliders that these may press on. The bounds of the normal
+velocities are said in piles.py.
 """
 
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, ENOUGH, FREE, IMPULSE,
                                                INVERSE, KEPT, KEPT_IMPULSE, LAW_ROW, MASS, MEAN,
                                                MEAN_BOUND, NORMAL, PUSH, push, put_at)
-from collision_sim.core.detection import starts_inside
+from collision_sim.core.detection import end_distance, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
+from collision_sim.core.pair_collisions import here_of
 from collision_sim.core.pair_memory import forget, keep, recall
-from collision_sim.core.pairs import apart_at_end, can_meet, column, direction, FIRST, SECOND
-from collision_sim.core.rules import Here, NONE, ROUNDING
-from collision_sim.core.shapes import signed_distance
+from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND
+from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
-SUPPORT_REACH = 0.25    # share of a radius within which a collider may carry a particle
+SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
+IN_CONTACT, MET_ANEW = -2, -3   # marks of a pair that is in contact, instead of a round
+HOT = 1                 # mark of a particle whose contacts are solved again
+TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they may be apart
 
 
 @kernel
-def _body_of(pile, size, candidates, inverse, i):
+def body_of(pile, size, candidates, inverse, i):
     """Body of particle i; a new one, behind `size` others, if it has none; and their number."""
     if pile.body[i] != NONE:
         return pile.body[i], size
@@ -71,9 +74,8 @@ def _end_bound(part, rests, v_n, gap, mean):
     """Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there."""
     if rests:
         return 0.0
-    if gap > 0.0 and v_n < 0.0:
-        return v_n
-    return min((mean - (1.0 - part) * v_n) / part, 0.0)
+    touching = min((mean - (1.0 - part) * v_n) / part, 0.0)
+    return min(touching, v_n) if gap > 0.0 else touching
 
 
 @inlined
@@ -89,23 +91,38 @@ def _pair_bounds(rules, part, dt, size, x, v, candidates, i, j, rests, n, gap):
     return mean, _end_bound(part, rests, v_n, gap, mean)
 
 
+@inlined
+def _is_in_contact(stage, again, p, i, j, closeness):
+    """Whether pair p is in contact, or again to be solved for."""
+    if again:
+        heat = stage.meetings.heat
+        return stage.meetings.looked[p] <= IN_CONTACT and (heat[i] == HOT or heat[j] == HOT)
+    return closeness <= stage.rules.flight.dt * stage.pair_rules.slow
+
+
 @kernel
-def list_pairs(rules, pair_rules, law, matter, meetings, count, x, v, candidates, pile, memory):
+def list_pairs(stage, again):
     """List the pairs that are in contact; how many bodies and contacts there are."""
-    size, c, dt = 0, 0, rules.flight.dt
-    reach = dt * pair_rules.slow
-    for p in range(count):
+    rules, pair_rules, meetings = stage.rules, stage.pair_rules, stage.meetings
+    x, v, candidates, matter, pile = stage.x, stage.v, stage.candidates, stage.matter, stage.pile
+    size, c, dt, law = 0, 0, rules.flight.dt, stage.table.shape[0]
+    for p in range(meetings.size[0]):
         i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
         extent = matter.radius[i] + matter.radius[j]
-        distance, n = direction(apart_at_end(dt, x, candidates, i, j),
-                                subtract(column(v, i), column(v, j)))
-        if distance - extent <= reach and can_meet(matter, i, j):
+        gap, n = end_normal(rules.sweep, dt, extent, x, subtract(column(v, i), column(v, j)),
+                            candidates, i, j)
+        if not again:
+            meetings.looked[p] = NONE
+        if _is_in_contact(stage, again, p, i, j, gap - TOUCH * extent) and (
+                can_meet(matter, i, j)) and (
+                c < pile.ends.shape[0] and size + 2 <= pile.bodies.shape[0]):
+            meetings.looked[p] = IN_CONTACT
             known = meetings.known[p]
             mean, end = _pair_bounds(rules, pair_rules.part, dt, extent, x, v, candidates, i, j,
-                                     known != NONE, n, distance - extent)
-            a, size = _body_of(pile, size, candidates, matter.inverse, i)
-            b, size = _body_of(pile, size, candidates, matter.inverse, j)
-            _add_contact(pile, memory, c, a, b, law, n, mean, end, known,
+                                     known != NONE, n, gap)
+            a, size = body_of(pile, size, candidates, matter.inverse, i)
+            b, size = body_of(pile, size, candidates, matter.inverse, j)
+            _add_contact(pile, stage.memory, c, a, b, law, n, mean, end, known,
                          1.0 if i < j else -1.0)
             c += 1
     return size, c
@@ -123,35 +140,30 @@ def _carry(pile, body, n, mean, end):
 
 
 @inlined
-def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candidates, c, pile,
-             memory, size, count):
+def _support(stage, here, x0, c, size, count):
     """
-    List collider c as a support of a particle, if it may carry it; how many there are then.
+    List collider c as a support of a particle, if it may press on it; how many there are then.
 
-    One of infinite mass is carried right away: no impulse of the pile would change that. Who comes
-    down on it from before the step will collide with it, and is not carried.
+    One of infinite mass is carried right away: no impulse of the pile would change that.
     """
-    i, dt = here.particle, rules.flight.dt
-    x0, u = column(x, i), column(candidates.u, i)
+    i, rules, pile = here.particle, stage.rules, stage.pile
+    poses, motion = stage.poses, stage.motion
+    dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
-    phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
-    gap = phi - here.radius
-    if not gap <= SUPPORT_REACH * here.radius:
+    gap, n = end_distance(rules.present.meshes, rules, here, stage.table, poses, motion, c, x0,
+                          x1)
+    if not gap <= SUPPORT_REACH * here.radius + dt * length(u):
         return size, count
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
-    known, least = recall(memory, i, x.shape[1] + c), ROUNDING * largest(column(before, i))
-    if known != NONE:
-        least = pair_rules.slow
-    if dot(n, subtract(column(before, i), first)) < -least:
-        return size, count
-    depth = starts_inside(rules, here, table, poses, motion, c, x0)
+    known = recall(stage.memory, i, stage.x.shape[1] + c)
+    depth = starts_inside(rules, here, stage.table, poses, motion, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
     mean = dot(n, subtract(u, obj)) - gap / dt
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
-    v_n = dot(n, subtract(column(v, i), first))
-    end = _end_bound(pair_rules.part, known != NONE, v_n, gap, mean)
+    v_n = dot(n, subtract(column(stage.v, i), first))
+    end = _end_bound(stage.pair_rules.part, known != NONE, v_n, gap, mean)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
         _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
         return size, count
@@ -160,33 +172,39 @@ def _support(rules, pair_rules, here, table, poses, motion, x, v, before, candid
     put_at(pile.bodies, size, FREE, last)
     put_at(pile.bodies, size, KEPT, last)
     pile.bodies[size, INVERSE] = 0.0
-    _add_contact(pile, memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
+    _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
     return size + 1, count + 1
 
 
 @kernel
-def list_supports(rules, pair_rules, table, poses, motion, radius, x, v, before, candidates, pile,
-                  memory, bodies, contacts):
-    """List the colliders that may carry the bodies; how many bodies and contacts there are."""
-    size, end = bodies, min(1, poses.shape[0] - 1)
+def list_supports(stage, bodies, contacts, answers):
+    """List the colliders that the bodies may press on; how many bodies and contacts there are."""
+    pile, size, chosen = stage.pile, bodies, stage.walls.one
     for a in range(bodies):
         i = pile.particle[a]
-        for c in range(table.shape[0]):
+        x0, here = column(stage.x, i), here_of(stage, i, answers)
+        for c in range(stage.table.shape[0]):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 return size, contacts
-            here = Here(0, 0, end, 0, i, radius[i], None)
-            size, contacts = _support(rules, pair_rules, here, table, poses, motion, x, v, before,
-                                      candidates, c, pile, memory, size, contacts)
+            chosen[0] = c
+            size, contacts = _support(stage, here, x0, c, size, contacts)
     return size, contacts
 
 
 @kernel
-def remember(pile, memory, count, bodies, slow):
-    """Keep the contacts that press at the end for the next step; by more than rounding does."""
-    forget(memory)
+def remember(stage, count, bodies, again):
+    """
+    Keep the contacts that press at the end for the next step; by more than rounding does.
+
+    `again` says whether that is added to what has been kept in this step already.
+    """
+    pile, memory = stage.pile, stage.memory
+    if not again:
+        forget(memory)
     particles = memory.head.shape[0]
     for c in range(count):
-        if pile.contacts[c, PUSH] > ENOUGH * slow * pile.contacts[c, MASS]:
-            b = pile.ends[c, SECOND]
+        if pile.contacts[c, PUSH] > ENOUGH * stage.pair_rules.slow * pile.contacts[c, MASS]:
+            i, b = pile.particle[pile.ends[c, FIRST]], pile.ends[c, SECOND]
             other = pile.particle[b] if b < bodies else particles + pile.ends[c, LAW_ROW]
-            keep(memory, pile.particle[pile.ends[c, FIRST]], other, at(pile.contacts, c, IMPULSE))
+            if recall(memory, i, other) == NONE and memory.size[0] < memory.key.shape[0]:
+                keep(memory, i, other, at(pile.contacts, c, IMPULSE))

@@ -14,7 +14,7 @@
 
 
 """
-The contact stage between particles: piles, solved together with the colliders that carry them.
+The contact stage between particles: piles, solved together with the colliders that they press on.
 
 Inelastic, and over the whole step. A contact is between two particles that are closer than
 gravity moves them in a step where their candidates end. Its impulse, with friction, acts on the
@@ -28,26 +28,35 @@ overlapping is pushed by laws.repulsion. These pushes are without friction and a
 end velocity: friction that acts on them would wedge a pile up, with impulses that grow from sweep
 to sweep, and would shoot balls out of it.
 
-The impulses are those of contact_solver.py; they start from those of the last step. Colliders take
-part as bodies of infinite mass, so that the floor carries the pile, and what they do to it is
-booked and logged here: response.py finds their particles on the surface. Without gravity nothing
-has to be carried, and a gas keeps its energy.
+Groups of up to joint.MOST contacts are solved exactly, whatever their masses; larger ones by the
+sweeps of contact_solver.py, which start from the impulses of the last step. Colliders take part as
+bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
+what they do to it is booked and logged here: response.py finds their particles on the surface.
+Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
+has led, for the groups of those that are met anew, AGAIN times at most. In groups of more than
+MOST_AGAIN particles that waits for the next step.
 
 Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at the end; E. Catto
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.
 """
 
-from collision_sim.core.candidates import fly_anew
-from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, CONTACTS, ENDING, FREE,
-                                               IMPULSE, INVERSE, KEPT, KEPT_IMPULSE,
-                                               LAW_ROW, MEAN, NORMAL,
-                                               PAIRS, PIECE, PUSH, push, put_at, SIZE, solve)
+from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLOURED, CONTACTS,
+                                               ENDING, FREE, GROUPS, IMPULSE, INVERSE, KEPT,
+                                               KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL, PAIRS,
+                                               PIECE, PUSH, push, put_at, SIZE, solve)
+from collision_sim.core.detection import end_distance
+from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.joint import make_room, MOST, restrain, settle_group
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
-from collision_sim.core.motion import point_velocity, START
-from collision_sim.core.pairs import column, FIRST, put, SECOND
-from collision_sim.core.pile_contacts import list_pairs, list_supports, remember
+from collision_sim.core.mesh_way import keep_answers
+from collision_sim.core.pair_collisions import AT_WALL, follow, here_of, LOOSE, part_all
+from collision_sim.core.pair_memory import recall
+from collision_sim.core.pairs import (can_meet, column, DRIFT, end_normal, FIRST, HEAD, NEAR,
+                                      put, SECOND)
+from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
+                                              MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
 from collision_sim.core.rules import Here, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE, STICK
 from collision_sim.core.shapes import STATIC
@@ -55,12 +64,17 @@ from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 
+AGAIN = 32              # times that the stage is run at most
+MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
+COLD, WARM = 0, 2       # marks of particles beside HOT: nothing, too many to run again
+DEEP = 1e-5             # share of a radius: who is pushed deeper into somebody else meets him anew
+
 
 @kernel
 def _book(ledger, dt, i, before, after, shift):
     """Book a change of the end velocity and a shift of the place as those of inner forces."""
     if ledger is not None:
-        here, pull = Here(0, 0, 0, i // BLOCK, i, 0.0, None), dot(ledger.gravity, shift)
+        here, pull = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None), dot(ledger.gravity, shift)
         book(ledger, here, GRAVITY, pull)
         book(ledger, here, INTERNAL, kinetic(before, after) - pull)
 
@@ -85,6 +99,7 @@ def _hand_on(ledger, part, dt, candidates, pile, bodies, pairs):
         push(pile.bodies, a, b, ENDING, at(pile.contacts, c, IMPULSE))
     for a in range(bodies):
         i = pile.particle[a]
+        candidates.settled[i] = 1
         u, w = at(pile.bodies, a, MEAN), at(pile.bodies, a, ENDING)
         _book(ledger, dt, i, column(candidates.w, i), w,
               scaled(dt, subtract(u, column(candidates.u, i))))
@@ -112,63 +127,92 @@ def _state(dry, laws, pile, c):
     return SLIDE
 
 
-@inlined
-def _arrive(rules, ledger, here, poses, motion, x, v, candidates, collider, n):
-    """End the approach of a particle at the start of the step: no other collision is to do so."""
-    i, before = here.particle, column(v, here.particle)
-    obj = point_velocity(motion, poses, here.step, START, here.start, collider, column(x, i))
-    v_n = dot(n, subtract(before, obj))
-    if v_n < 0.0:
-        after = add_scaled(before, -v_n, n)
-        u, w = fly_anew(candidates, ledger, here, rules.flight, before, after,
-                        column(candidates.u, i), column(candidates.w, i))
-        put(v, i, after)
-        put(candidates.u, i, u)
-        put(candidates.w, i, w)
-        if ledger is not None:
-            work = -v_n * dot(n, obj)
-            book_impulse(ledger, here, collider, work, scaled(-v_n, n))
-            book(ledger, here, LOST_IN_CONTACT, kinetic(before, after) - work)
-
-
 @kernel
-def _lean(rules, dry, laws, ledger, here, part, poses, motion, x, v, candidates, pile, c, log,
-          accounts):
+def _lean(stage, ledger, dry, here, pile, c):
     """Add the impulses of a support to the candidate of a particle, and book and log them."""
-    i, inverse = here.particle, pile.bodies[pile.ends[c, FIRST], INVERSE]
-    collider, n, dt = pile.ends[c, LAW_ROW], at(pile.contacts, c, NORMAL), rules.flight.dt
-    change = scaled(inverse, at(pile.contacts, c, IMPULSE))
-    u = add_scaled(column(candidates.u, i), inverse, _mean_impulse(part, pile, c))
-    after = add_scaled(column(candidates.w, i), 1.0, change)
-    _arrive(rules, ledger, here, poses, motion, x, v, candidates, collider, n)
-    du = subtract(u, column(candidates.u, i))
-    w, obj = column(candidates.w, i), at(pile.bodies, pile.ends[c, SECOND], MEAN)
+    i, part = here.particle, stage.pair_rules.part
+    inverse = pile.bodies[pile.ends[c, FIRST], INVERSE]
+    collider, n, dt = pile.ends[c, LAW_ROW], at(pile.contacts, c, NORMAL), stage.rules.flight.dt
+    candidates = stage.candidates
+    dw, du = scaled(inverse, at(pile.contacts, c, IMPULSE)), scaled(
+        inverse, _mean_impulse(part, pile, c))
+    w, u = column(candidates.w, i), add_scaled(column(candidates.u, i), 1.0, du)
+    after, obj = add_scaled(w, 1.0, dw), at(pile.bodies, pile.ends[c, SECOND], MEAN)
     put(candidates.u, i, u)
     put(candidates.w, i, after)
-    record(log, accounts, here, collider, _state(dry, laws, pile, c),
-           add_scaled(column(x, i), dt, u), n, change)
-    accounts[here.block, N_CONTACT] += 1
+    record(stage.log, stage.accounts, here, collider, _state(dry, stage.pair_rules.laws, pile, c),
+           add_scaled(column(stage.x, i), dt, u), n, dw)
+    stage.accounts[here.block, N_CONTACT] += 1
     if ledger is not None:
-        dw, pull = subtract(after, w), dt * dot(ledger.gravity, du)
-        work = dot(dw, obj)
+        pull, work = dt * dot(ledger.gravity, du), dot(dw, obj)
         book_impulse(ledger, here, collider, work, dw)
         book(ledger, here, GRAVITY, pull)
         book(ledger, here, LOST_IN_CONTACT, kinetic(w, after) - pull - work)
 
 
 @kernel
-def _list(rules, pair_rules, table, poses, motion, matter, x, v, candidates, meetings, count,
-          pile, memory, numbers):
-    """List all contacts."""
-    bodies, pairs = list_pairs(rules, pair_rules, table.shape[0], matter, meetings, count, x, v,
-                               candidates, pile, memory)
+def _is_at_wall(stage, i, answers):
+    """Whether particle i now ends inside a collider."""
+    x0, here = column(stage.x, i), here_of(stage, i, answers)
+    x1 = add_scaled(x0, stage.rules.flight.dt, column(stage.candidates.u, i))
+    for c in range(stage.table.shape[0]):
+        stage.walls.one[0] = c
+        if end_distance(stage.rules.present.meshes, stage.rules, here, stage.table, stage.poses,
+                        stage.motion, c, x0, x1)[0] < -DEEP * here.radius:
+            return True
+    return False
+
+
+@kernel
+def _list_at_walls(stage, bodies, answers):
+    """List those near somebody else that a collider is going to push; how many bodies then."""
+    meetings, pile = stage.meetings, stage.pile
+    for p in range(meetings.size[0]):
+        for end in range(2):
+            i = meetings.ends[p, end]
+            if meetings.states[i, NEAR] == AT_WALL and pile.body[i] == NONE and (
+                    2 * bodies < pile.bodies.shape[0]) and stage.matter.inverse[i] > 0.0:
+                if _is_at_wall(stage, i, answers):
+                    _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+    return bodies
+
+
+@kernel
+def _list(stage, again, numbers, answers):
+    """List all contacts, and group them."""
+    bodies, pairs = list_pairs(stage, again)
+    if not again:
+        bodies = _list_at_walls(stage, bodies, answers)
     size, contacts = bodies, pairs
-    if pairs > 0 and pair_rules.slow > 0.0:
-        size, contacts = list_supports(rules, pair_rules, table, poses, motion, matter.radius, x,
-                                       v, meetings.before, candidates, pile, memory, bodies,
-                                       pairs)
-    numbers[BODIES], numbers[PAIRS], numbers[SIZE], numbers[CONTACTS] = (
-        bodies, pairs, size, contacts)
+    if bodies > 0:
+        size, contacts = list_supports(stage, bodies, pairs, answers)
+    groups, pile = group_contacts(stage.pile, size, contacts), stage.pile
+    for g in range(groups):
+        first, last = pile.group[g], pile.group[g + 1]
+        for k in range(first, last):
+            pile.colour[pile.member[k]] = NONE if last - first <= MOST else 0
+    numbers[BODIES], numbers[PAIRS], numbers[SIZE], numbers[CONTACTS], numbers[GROUPS] = (
+        bodies, pairs, size, contacts, groups)
+
+
+@inlined
+def _is_large(pile, g):
+    return pile.group[g + 1] - pile.group[g] > MOST
+
+
+@kernel
+def _settle_groups(work, phase, dry, wet, laws, part, pull, pile, room):
+    """Solve for the impulses of all small groups; the next phase."""
+    progress, groups = work.progress, work.numbers[GROUPS]
+    g = fetch_add(progress, 2 * phase, 1)
+    while g < groups:
+        if not _is_large(pile, g):
+            settle_group(dry, wet, laws, part, pull, pile, pile.group[g],
+                         pile.group[g + 1] - pile.group[g], room)
+        fetch_add(progress, 2 * phase + 1, 1)
+        g = fetch_add(progress, 2 * phase, 1)
+    finish(progress, phase, groups)
+    return phase + 1
 
 
 @kernel
@@ -184,8 +228,9 @@ def _lay_out_means(work, phase, part, pile):
             put_at(bodies, a, MEAN, u)
             put_at(bodies, a, KEPT, u)
         for c in range(piece * PIECE, min((piece + 1) * PIECE, count)):
-            pushing = part * dot(at(contacts, c, IMPULSE), at(contacts, c, NORMAL))
-            contacts[c, PUSH] = contacts[c, KEPT_IMPULSE] = pushing
+            if pile.colour[c] != NONE:
+                pushing = part * dot(at(contacts, c, IMPULSE), at(contacts, c, NORMAL))
+                contacts[c, PUSH] = contacts[c, KEPT_IMPULSE] = pushing
         fetch_add(progress, 2 * phase + 1, 1)
         piece = fetch_add(progress, 2 * phase, 1)
     finish(progress, phase, -(-max(size, count) // PIECE))
@@ -193,25 +238,132 @@ def _lay_out_means(work, phase, part, pile):
 
 
 @kernel
-def _end(rules, dry, laws, ledger, part, slow, poses, motion, x, v, candidates, pile, memory,
-         numbers, log, accounts):
+def _settle_large(work, phase, dry, wet, laws, part, pile):
+    """Solve for the impulses of all large groups, with sweeps; the next phase."""
+    phase = solve(None, work, phase, dry, wet, laws, pile)
+    groups = work.numbers[GROUPS]
+    if fetch_add(work.progress, 2 * phase, 1) == 0:
+        for g in range(groups):
+            if _is_large(pile, g):
+                restrain(pile, pile.group[g], pile.group[g + 1] - pile.group[g])
+        fetch_add(work.progress, 2 * phase + 1, 1)
+    finish(work.progress, phase, 1)
+    phase = _lay_out_means(work, phase + 1, part, pile)
+    return solve(1, work, phase, None, None, laws, pile)
+
+
+@kernel
+def _is_met_anew(stage, p):
+    """Whether the particles of pair p, not in contact so far, overlap where they now end."""
+    i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
+    if not can_meet(stage.matter, i, j):
+        return False
+    radius = stage.matter.radius
+    gap, _ = end_normal(stage.rules.sweep, stage.rules.flight.dt, radius[i] + radius[j], stage.x,
+                        subtract(column(stage.v, i), column(stage.v, j)), stage.candidates, i, j)
+    return gap < -DEEP * max(radius[i], radius[j])
+
+
+@kernel
+def _spread(stage, i):
+    """
+    Mark all that hang together with particle i by contacts; whether they are few enough.
+
+    The marks of too many say that this has been looked at.
+    """
+    meetings, heat, stack = stage.meetings, stage.meetings.heat, stage.meetings.struck
+    if heat[i] != COLD:
+        return heat[i] == HOT
+    size, done, heat[i], stack[0] = 1, 0, HOT, i
+    while done < size and size <= MOST_AGAIN:
+        code = int(meetings.states[stack[done], HEAD])
+        while code != NONE:
+            p = code >> 1
+            j = meetings.ends[p, 1 - (code & 1)]
+            if meetings.looked[p] <= IN_CONTACT and heat[j] == COLD and (
+                    stage.matter.inverse[j] > 0.0):
+                heat[j], stack[size] = HOT, j
+                size += 1
+            code = meetings.behind[p, code & 1]
+        done += 1
+    if size > MOST_AGAIN:
+        for k in range(size):
+            heat[stack[k]] = WARM
+    return size <= MOST_AGAIN
+
+
+@kernel
+def _mark_met(stage, i):
+    """Mark the pairs of particle i that are met anew, and their ends as cold."""
+    meetings, code = stage.meetings, int(stage.meetings.states[i, HEAD])
+    while code != NONE:
+        p = code >> 1
+        meetings.heat[meetings.ends[p, FIRST]] = meetings.heat[meetings.ends[p, SECOND]] = COLD
+        if meetings.looked[p] > IN_CONTACT and _is_met_anew(stage, p):
+            meetings.looked[p] = MET_ANEW
+        code = meetings.behind[p, code & 1]
+
+
+@kernel
+def _count_met_by(stage, i):
+    """Count who particle i meets anew, in groups that are small enough."""
+    meetings, code, met = stage.meetings, int(stage.meetings.states[i, HEAD]), 0
+    while code != NONE:
+        p = code >> 1
+        if meetings.looked[p] == MET_ANEW:
+            first, second = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+            met += _spread(stage, first if stage.matter.inverse[first] > 0.0 else second)
+        code = meetings.behind[p, code & 1]
+    return met
+
+
+@kernel
+def _count_met(stage, bodies, base, answers):
+    """Count who is met anew where the pushes have led."""
+    meetings, pile, met = stage.meetings, stage.pile, 0
+    dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
+    for a in range(bodies):
+        i = pile.particle[a]
+        meetings.heat[i] = COLD
+        meetings.states[i, DRIFT] += dt * length(
+            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
+    for a in range(bodies):
+        _mark_met(stage, pile.particle[a])
+    for a in range(bodies):
+        i = pile.particle[a]
+        met += _count_met_by(stage, i)
+        shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        if shift > SUPPORT_REACH * stage.matter.radius[i] and stage.matter.inverse[i] > 0.0:
+            if _is_at_wall(stage, i, answers):
+                met += _spread(stage, i)
+    return met
+
+
+@kernel
+def _end(stage, dry, base, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
-    bodies, pairs, contacts = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS]
+    bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
     for c in range(pairs):
-        accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
-    remember(pile, memory, contacts, bodies, slow)
-    _hand_on(ledger, part, rules.flight.dt, candidates, pile, bodies, pairs)
+        stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
+    remember(stage, contacts, bodies, again)
+    for a in range(bodies):
+        put_at(pile.bodies, a, KEPT, column(stage.candidates.u, pile.particle[a]))
+    _hand_on(stage.ledger, stage.pair_rules.part, stage.rules.flight.dt, stage.candidates, pile,
+             bodies, pairs)
     for c in range(pairs, contacts):
         if _presses(pile, c):
-            i = pile.particle[pile.ends[c, FIRST]]
-            here = Here(0, 0, 0, i // BLOCK, i, 0.0, None)
-            _lean(rules, dry, laws, ledger, here, part, poses, motion, x, v, candidates, pile, c,
-                  log, accounts)
+            _lean(stage, stage.ledger, dry,
+                  here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
+    numbers[MET] = _count_met(stage, bodies, base, answers)
+    if numbers[MET] > 0:
+        for p in range(stage.meetings.size[0]):
+            i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
+            stage.meetings.known[p] = recall(stage.memory, i, j)
 
 
 @entry
-def settle(posted, counters, work, rules, pair_rules, dry, wet, table, poses, motion, matter,
-           ledger, x, v, candidates, meetings, count, pile, memory, log, accounts):
+def settle(posted, counters, work, stage, dry, wet, base, again):
     """
     Run the contact stage between particles.
 
@@ -220,34 +372,38 @@ def settle(posted, counters, work, rules, pair_rules, dry, wet, table, poses, mo
     posted, counters
         Of threads.share.
     work : contact_solver.Work
-        How the contacts are solved; new for each step.
-    rules, table, poses, motion
-        As in response.resolve.
-    pair_rules : pairs.PairRules
-        What pairs do.
+        How the contacts are solved; new for each run. Its numbers say how many have been met anew.
+    stage : pair_collisions.Stage
+        After `collide_all`; the candidates are changed.
     dry, wet : int or None
         1 if pairs or colliders have such friction.
-    matter, ledger, x, v, candidates, meetings, count
-        As in pairs.collide_all, with the number of meetings; the candidates are changed.
-    pile, memory : Pile, Memory
-        Scratch with room for all contacts; what the last step has left, and the next one gets.
-    log, accounts
-        Of response.py; written.
+    base : (N,) float64 [m]
+        Extent of each particle without its path.
+    again : bool
+        Whether it has been run in this step before.
 
     """
-    numbers, progress, laws, part = work.numbers, work.progress, pair_rules.laws, pair_rules.part
+    numbers, progress, pile = work.numbers, work.progress, stage.pile
+    laws, part = stage.pair_rules.laws, stage.pair_rules.part
+    room = make_room()
+    answers = keep_answers(stage.rules.present.meshes, stage.table)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     if fetch_add(progress, 0, 1) == 0:
-        _list(rules, pair_rules, table, poses, motion, matter, x, v, candidates, meetings, count,
-              pile, memory, numbers)
+        _list(stage, again, numbers, answers)
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)
-    phase = solve(None, work, 1, dry, wet, laws, pile)
-    phase = _lay_out_means(work, phase, part, pile)
-    phase = solve(1, work, phase, None, None, laws, pile)
+    phase = _settle_groups(work, 1, dry, wet, laws, part, stage.rules.flight.end_shift, pile,
+                           room)
+    if numbers[COLOURED] > 0:
+        phase = _settle_large(work, phase, dry, wet, laws, part, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:
-        _end(rules, dry, laws, ledger, part, work.slow, poses, motion, x, v, candidates, pile,
-             memory, numbers, log, accounts)
+        _end(stage, dry, base, again, numbers, answers)
     fetch_add(counters, LEFT, 1)
+
+
+@entry
+def part(meetings, bounced, bounces):
+    """Forget the pairs of a step."""
+    part_all(meetings, bounced, bounces)

@@ -30,11 +30,11 @@ Then a particle that is still inside is placed outside. Who started inside a col
 from it instead. Of several colliders the one in which the particle is deepest acts first.
 """
 
-from collision_sim.core.candidates import candidate_of, fly_anew
+from collision_sim.core.candidates import candidate_of, fly_anew, is_settled
 from collision_sim.core.detection import (approach, blocker, detect, distance, is_same_surface,
                                           rounding_depth)
 from collision_sim.core.impulses import doubtful_change, joint_law, respond, shares
-from collision_sim.core.jit import inlined
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book_collision, book_contact, book_joint, book_placing,
                                        book_shift, lost_in_pass, REPULSED)
@@ -46,7 +46,9 @@ from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, 
                                       PARALLEL, POINT, REPULSION, SLIDE, STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.vectors import add, add_scaled, dot, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
+
+SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where pairs have led him
 
 
 @inlined
@@ -264,6 +266,24 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
     return passed
 
 
+@kernel
+def rest_where_led(rules, here, table, poses, motion, ledger, x0, u):
+    """
+    Place where pairs have led a particle (`candidates.settled`), and whether it may stay there.
+
+    It may where it ends in no collider, or in one by so little that it is only put on the surface:
+    what pairs have left it of its velocity is right as it is.
+    """
+    x1 = add_scaled(x0, rules.flight.dt, u)
+    place, c, _ = push_out(rules, here, table, poses, motion, x0, x1)
+    shift = subtract(place, x1)
+    stays = c == NONE and length(shift) <= SLIGHT * here.radius and blocker(
+        rules.sweep, rules, here, table, poses, motion, x0, place) == NONE
+    if stays:
+        book_shift(ledger, here, REPULSED, shift)
+    return place, stays
+
+
 @inlined
 def _reaching(around, here, table, poses, x0, x1, reach):
     """
@@ -308,7 +328,12 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
     """
     u, w = candidate_of(candidates, rules.flight, here.particle, v0)
     free = u, w
-    hits, passes, lawful = 0, 0, False
+    settled = is_settled(candidates, here.particle)
+    if settled:
+        place, stays = rest_where_led(rules, here, table, poses, motion, ledger, x0, u)
+        if stays:
+            return place, w
+    hits, passes, lawful = 0, 0, settled
     last, other = NOTHING, NOTHING
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
@@ -316,7 +341,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         if passes == rules.passes:
             break
         touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
-                               v0, u, passes == 0 and hits < CHECKS)
+                               v0, u, passes == 0 and hits < CHECKS and not settled)
         if not inside and other.collider == NONE:
             return x1, w
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
@@ -332,7 +357,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             last, other, passes = touch, last, 2
         else:
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
-                         u, w, passes == 0 or rules.once, hits > 0, lawful)
+                         u, w, (passes == 0 or rules.once) and not settled, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
             same = is_same_surface(rules.present.meshes, table, touch.collider, touch.normal,
                                    last.collider, last.normal)

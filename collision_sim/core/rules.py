@@ -92,7 +92,7 @@ class Here(NamedTuple):
     particle: int
     radius: float
     chosen: Optional[np.ndarray]
-    answers: Optional[np.ndarray] = None
+    answers: Optional[np.ndarray]
 
 
 class Touch(NamedTuple):

@@ -218,7 +218,7 @@ def _begin_block(springs, flight, ledger, block, x, v, candidates, reached, fore
             a = acceleration(springs, x, v, i)
             kicked = add_scaled(velocity, half, a)
             u, w = fly(flight, kicked)
-            here = Here(0, 0, 0, block, i, 0.0, None)
+            here = Here(0, 0, 0, block, i, 0.0, None, None)
             book(ledger, here, INTERNAL, kinetic(velocity, kicked))
             book_flight(ledger, here, flight.dt, kicked, u, w, 1.0)
         _write(candidates.u, i, u)
@@ -233,7 +233,7 @@ def _end_block(springs, dt, ledger, block, candidates, reached, foreseen):
     for i in range(block * BLOCK, min((block + 1) * BLOCK, reached.shape[1])):
         flown = _at(candidates.w, i)
         w = add_scaled(flown, 0.5 * dt, acceleration(springs, reached, foreseen, i))
-        book(ledger, Here(0, 0, 0, block, i, 0.0, None), INTERNAL, kinetic(flown, w))
+        book(ledger, Here(0, 0, 0, block, i, 0.0, None, None), INTERNAL, kinetic(flown, w))
         _write(candidates.w, i, w)
 
 

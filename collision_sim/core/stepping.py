@@ -193,7 +193,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)
             prefetch_row(zt, ahead)
             _take(lean, rules.flight, ahead, xt, yt, zt, ut, vt, wt, new)
-        here = Here(step, start, end, block, first, 0.0, None)
+        here = Here(step, start, end, block, first, 0.0, None, None)
         left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
                                 motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
                                 clear, lengths, chosen, touching, held, unanswered, count)

@@ -1,0 +1,103 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who collides with a collider, though nobody is near it: it may be thrown back onto somebody.
+
+Only where paths end: paths that are swept are near whatever a collider may throw them back onto.
+Meshes are left out.
+"""
+
+from collision_sim.core.blocks import clear_if_finite, clear_of_others, collect, TILE
+from collision_sim.core.jit import entry, kernel
+from collision_sim.core.lines import in_lines
+from collision_sim.core.motion import point_velocity, START
+from collision_sim.core.pairs import column
+from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.shapes import signed_distance
+from collision_sim.core.stepping import BLOCK
+from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
+from collision_sim.core.vectors import dot, largest, subtract
+import numpy as np
+
+
+@kernel
+def _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i):
+    """Whether particle i ends inside a collider that it approaches at the start of the step."""
+    end, velocity, place = min(1, poses.shape[0] - 1), column(v, i), column(centre, i)
+    for c in range(table.shape[0]):
+        phi, n = signed_distance(rules.present, table, poses, end, c, place)
+        if phi < radius[i]:
+            obj = point_velocity(motion, poses, 0, START, 0, c, column(x, i))
+            least = ROUNDING * (largest(velocity) + largest(obj)
+                                + largest(column(candidates.u, i)))
+            if dot(n, subtract(velocity, obj)) < -least:
+                return True
+    return False
+
+
+@kernel
+def _find_in_block(grid, rules, table, poses, motion, radius, centre, x, v, candidates, block,
+                   bounced, clear, cells, chosen, touching):
+    """List those of a block that touch a collider; how many there are, and how many bounce."""
+    first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
+    found = bouncing = 0
+    for a in range(first, last, TILE):
+        b = min(a + TILE, last)
+        tile, xt, yt, zt = clear[:b - a], centre[0][a:b], centre[1][a:b], centre[2][a:b]
+        clear_if_finite(xt, yt, zt, tile)
+        clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
+                        radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
+        for k in range(collect(clear, b - a, touching, 0)):
+            i = a + touching[k]
+            bounces = _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i)
+            bounced[first + found] = i if bounces else -1 - i
+            found, bouncing = found + 1, bouncing + bounces
+    return found, bouncing
+
+
+@entry
+def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, centre, x, v,
+                 candidates, bounced, counts):
+    """
+    Find the particles that collide with a collider where their candidates end.
+
+    Parameters
+    ----------
+    posted, counters
+        Of threads.share.
+    grid, rules, table, poses, motion
+        As in stepping.step_blocks.
+    radius : (N,) float64 [m]
+        Of the particles.
+    centre : (3, N) float64 [m]
+        Where their candidates end.
+    x, v, candidates
+        As in candidates.py.
+    bounced, counts : (N,) int32, (blocks, 2) int64
+        Written: of each block of particles those that touch a collider, from its first on, and
+        how many. Those that do not approach it are written as -1 - i; how many do comes second.
+
+    """
+    clear, cells = in_lines(TILE), in_lines(TILE)
+    chosen, touching = np.empty(table.shape[0], dtype=np.int64), np.empty(BLOCK, dtype=np.int64)
+    fetch_add(posted, 0, 1)
+    fetch_add(counters, ENTERED, 1)
+    block = fetch_add(counters, CLAIMED, 1)
+    while block < counts.shape[0]:
+        counts[block, 0], counts[block, 1] = _find_in_block(
+            grid, rules, table, poses, motion, radius, centre, x, v, candidates, block, bounced,
+            clear, cells, chosen, touching)
+        block = fetch_add(counters, CLAIMED, 1)
+    fetch_add(counters, LEFT, 1)

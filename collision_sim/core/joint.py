@@ -1,0 +1,616 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The impulses of a few contacts that touch each other, found at once and exactly.
+
+Normal impulses push and do not pull, and leave each contact a normal velocity no lower than its
+bound, and exactly that where there is an impulse. Of all changes of velocity that do so they make
+the smallest in the metric of the masses, so they bring no energy (Moreau 1988), and there is one
+such change only: it depends neither on the order of the contacts nor on how they are found. That
+is a linear complementarity problem, solved by block pivoting (Judice and Pires 1994) with Cholesky
+factors, so the ratio of masses costs no sweeps. Where contacts are redundant, as the four legs of
+a table are, their impulses are not unique: SHIFT on the diagonal chooses among them, and is taken
+out again by repeating the solution from the last one (proximal point, Rockafellar 1976). Where no
+impulses do, as between two walls that close, they would grow without end: there SOFT on the
+diagonal divides what is missing, and nobody gets faster than those that squeeze him.
+
+Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
+stay within it stick: one linear system for all of them; a sweep there and back over all contacts
+then finds who slides. That and the normal impulses are solved anew until nothing changes. What
+comes out is tested: impulses that would bring energy, in the frames of those that touch, are made
+smaller.
+"""
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
+                                               KEPT, LAW_ROW, MASS, MEAN, MEAN_BOUND, NORMAL,
+                                               PUSH, push, put_at, slide)
+from collision_sim.core.jit import inlined, kernel, law
+from collision_sim.core.pairs import FIRST, SECOND
+from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.shapes import RESTITUTION, STATIC
+from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
+import numpy as np
+
+MOST = 64               # contacts that are solved for at once
+SHIFT = 1e-11           # on a diagonal of ones
+SOFT = 1e-2             # the same where no impulses are enough
+PASSES = 4              # of the proximal point
+MISSING = 1e-6          # share of what is wanted that shows that
+PATIENCE = 3            # exchanges of many contacts that may bring nothing
+TURNS = 80              # of normal impulses and friction
+EAGER, HASTY = 8, 24    # turns up to which those that stick are held, and that go all the way
+NEARLY = 1e-9           # such a share that does not fall any more is rounding
+SETTLED = 1e-13         # change in a turn as a share of the largest speed: nothing changes
+BLUR = 2.0 ** -49       # of a sum of products, relative to the sum of their sizes
+# Rows of the vectors: what the impulses have to bring, impulses, those of the last pass, and how
+# many contacts that are pushed there are before each.
+WANTED, FORCE, LATEST, VECTORS = 0, 1, 2, 3
+
+
+class Room(NamedTuple):
+    """
+    Scratch of a thread, for up to MOST contacts.
+
+    matrix (MOST, MOST): what a unit impulse of each brings to the normal velocity of each, both
+    scaled by the square roots of the effective masses; factor (MOST, MOST): Cholesky factor of the
+    rows `pushed`; vectors (VECTORS, MOST); pushed (MOST,) int64: contacts with an impulse, in
+    order; state (2, MOST) int64: whether a contact has one, now and in the factor. along
+    (2 MOST, 3), holding (2 MOST, 2 MOST), slips (2 MOST,): of those that stick, two directions
+    along the surface of each, the factor of their matrix, and what ends their slips. shift (1,):
+    on the diagonal now.
+    """
+
+    matrix: np.ndarray
+    factor: np.ndarray
+    vectors: np.ndarray
+    pushed: np.ndarray
+    state: np.ndarray
+    along: np.ndarray
+    holding: np.ndarray
+    slips: np.ndarray
+    shift: np.ndarray
+
+
+@inlined
+def _shared(pile, c, d):
+    """Find what an impulse of contact d brings to the relative velocity at contact c [1/kg]."""
+    bodies, ends = pile.bodies, pile.ends
+    a, b, shared = ends[c, FIRST], ends[c, SECOND], 0.0
+    for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
+        if ends[d, end] == a:
+            shared += sign * bodies[a, INVERSE]
+        if ends[d, end] == b:
+            shared -= sign * bodies[b, INVERSE]
+    return shared
+
+
+@kernel
+def _lay_out(pile, first, count, room):
+    """Write the matrix of some contacts, and let none of them push."""
+    contacts = pile.contacts
+    for k in range(count):
+        c = pile.member[first + k]
+        n = at(contacts, c, NORMAL)
+        for m in range(k):
+            d = pile.member[first + m]
+            shared, entry = _shared(pile, c, d), 0.0
+            if shared != 0.0:
+                entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
+                    n, at(contacts, d, NORMAL))
+            room.matrix[k, m] = room.matrix[m, k] = entry
+        room.matrix[k, k] = 1.0
+        room.vectors[FORCE, k] = 0.0
+        room.state[0, k] = room.state[1, k] = 0
+
+
+@law
+def make_room():
+    """Allocate the scratch of a thread."""
+    return Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
+                np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64),
+                np.empty((2 * MOST, 3)), np.empty((2 * MOST, 2 * MOST)), np.empty(2 * MOST),
+                np.full(1, SHIFT))
+
+
+@kernel
+def _factorise(room, count):
+    """List the contacts that push, and factorise their part of the matrix; how many there are."""
+    factor, pushed, state, size, same = room.factor, room.pushed, room.state, 0, True
+    for k in range(count):
+        if state[0, k] == 1:
+            pushed[size] = k
+            size += 1
+        same = same and state[0, k] == state[1, k]
+        state[1, k] = state[0, k]
+    if same:
+        return size
+    for a in range(size):
+        for b in range(a + 1):
+            entry = room.matrix[pushed[a], pushed[b]]
+            for k in range(b):
+                entry -= factor[a, k] * factor[b, k]
+            if a == b:
+                factor[a, a] = sqrt(max(entry + room.shift[0], 0.5 * room.shift[0]))
+            else:
+                factor[a, b] = entry / factor[b, b]
+    return size
+
+
+@kernel
+def _solve(room, count):
+    """Give those that push the impulses that bring just what is wanted, and the others none."""
+    size, factor, pushed, vectors = _factorise(room, count), room.factor, room.pushed, room.vectors
+    for k in range(count):
+        vectors[FORCE, k] = 0.0
+    for a in range(size):
+        k = pushed[a]
+        value = vectors[WANTED, k] + room.shift[0] * vectors[LATEST, k]
+        for b in range(a):
+            value -= factor[a, b] * vectors[FORCE, pushed[b]]
+        vectors[FORCE, k] = value / factor[a, a]
+    for a in range(size - 1, -1, -1):
+        value = vectors[FORCE, pushed[a]]
+        for b in range(a + 1, size):
+            value -= factor[b, a] * vectors[FORCE, pushed[b]]
+        vectors[FORCE, pushed[a]] = value / factor[a, a]
+
+
+@inlined
+def _is_wrong(room, count, k):
+    """Whether contact k pulls, or is to push and does not, by more than rounding."""
+    vectors = room.vectors
+    if room.state[0, k] == 1:
+        return vectors[FORCE, k] < 0.0
+    missing = vectors[WANTED, k] + room.shift[0] * vectors[LATEST, k]
+    size = abs(missing)
+    for m in range(count):
+        part = room.matrix[k, m] * vectors[FORCE, m]
+        missing, size = missing - part, size + abs(part)
+    return missing > BLUR * size
+
+
+@kernel
+def _choose(room, count):
+    """Find which contacts push, and their impulses."""
+    fewest, patience, state = count + 1, PATIENCE, room.state
+    for _ in range(10 * count + 20):
+        _solve(room, count)
+        wrong, last = 0, 0
+        for k in range(count):
+            room.pushed[k] = 0      # free now: whether it is wrong
+            if _is_wrong(room, count, k):
+                room.pushed[k] = 1
+                wrong, last = wrong + 1, k
+        if wrong == 0:
+            return
+        if wrong < fewest:
+            fewest, patience = wrong, PATIENCE
+        else:
+            patience -= 1
+        for k in range(count):
+            if room.pushed[k] == 1 and (patience >= 0 or k == last):
+                state[0, k] = 1 - state[0, k]
+
+
+@kernel
+def press(room, count):
+    """
+    Find the impulses of some contacts that bring at least what is wanted.
+
+    Parameters
+    ----------
+    room : Room
+        With the matrix, and what is wanted in the vectors; the impulses are written there.
+    count : int
+        How many contacts there are.
+
+    """
+    vectors, largest, change = room.vectors, 0.0, 0.0
+    for k in range(count):
+        vectors[LATEST, k] = 0.0
+        largest = max(largest, abs(vectors[WANTED, k]))
+    for _ in range(PASSES):
+        change = _repeat(room, count)
+        if not SHIFT * change > BLUR * largest:
+            return
+    if SHIFT * change > MISSING * largest:
+        _shift(room, count, SOFT)
+        for k in range(count):
+            vectors[LATEST, k] = 0.0
+        _repeat(room, count)
+        _shift(room, count, SHIFT)
+
+
+@inlined
+def _shift(room, count, shift):
+    """Put something else on the diagonal of the matrix."""
+    room.shift[0] = shift
+    for k in range(count):
+        room.state[1, k] = NONE
+
+
+@kernel
+def _repeat(room, count):
+    """Find the impulses from those of the last pass; the largest change of them."""
+    vectors, change = room.vectors, 0.0
+    _choose(room, count)
+    for k in range(count):
+        vectors[FORCE, k] = max(vectors[FORCE, k], 0.0)
+        change = max(change, abs(vectors[FORCE, k] - vectors[LATEST, k]))
+        vectors[LATEST, k] = vectors[FORCE, k]
+    return change
+
+
+@inlined
+def approach_of(pile, c, which):
+    """Relative velocity [m/s] of the bodies of contact c."""
+    return subtract(at(pile.bodies, pile.ends[c, FIRST], which),
+                    at(pile.bodies, pile.ends[c, SECOND], which))
+
+
+@kernel
+def _press_normally(pile, first, count, room, which, bound):
+    """Give the contacts their normal impulses, instead of those that they have in `room`."""
+    contacts, vectors = pile.contacts, room.vectors
+    for k in range(count):
+        c = pile.member[first + k]
+        missing = contacts[c, bound] - dot(approach_of(pile, c, which), at(contacts, c, NORMAL))
+        wanted = sqrt(contacts[c, MASS]) * missing
+        for m in range(count):
+            wanted += room.matrix[k, m] * vectors[FORCE, m]
+        vectors[WANTED, k] = wanted
+    for k in range(count):      # taken out first: light bodies between heavy ones stay exact
+        _add_normally(pile, first, k, room, which, -1.0)
+    press(room, count)
+    for k in range(count):
+        _add_normally(pile, first, k, room, which, 1.0)
+
+
+@inlined
+def _add_normally(pile, first, k, room, which, factor):
+    """Add the normal impulse of contact k in `room`, times a factor, to its bodies."""
+    c = pile.member[first + k]
+    force = factor * sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+    if force != 0.0:
+        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], which,
+             scaled(force, at(pile.contacts, c, NORMAL)))
+
+
+@inlined
+def _rub(dry, wet, laws, pile, c, pressing, part):
+    """Give contact c the friction of a normal impulse [N s], or part of the way to it."""
+    contacts, n, mass = pile.contacts, at(pile.contacts, c, NORMAL), pile.contacts[c, MASS]
+    impulse = at(contacts, c, IMPULSE)
+    along = add_scaled(impulse, -dot(impulse, n), n)
+    after = (0.0, 0.0, 0.0)
+    if pressing > 0.0:
+        after = slide(dry, wet, laws, pile.ends[c, LAW_ROW], approach_of(pile, c, ENDING), n, mass,
+                      along, pressing)
+    change = scaled(part, subtract(after, along))
+    push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, change)
+    put_at(contacts, c, IMPULSE, add_scaled(add_scaled(along, 1.0, change), pressing, n))
+    return length(change) / mass
+
+
+@kernel
+def _take_over_normal_impulses(pile, first, count, room):
+    """Write the normal impulses there are now, beside the friction so far."""
+    for k in range(count):
+        c = pile.member[first + k]
+        n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+        pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+        put_at(pile.contacts, c, IMPULSE, add_scaled(impulse, pressing - dot(impulse, n), n))
+
+
+@kernel
+def _rub_all(dry, wet, laws, pile, first, count, room, turn_now):
+    """
+    Give all contacts their friction, there and back; the largest change of velocity [m/s].
+
+    What does not end soon goes round in circles: then half of the way at a time leads there.
+    """
+    fastest, part = 0.0, 1.0 if turn_now < HASTY else 0.5
+    if count > 1 and turn_now < EAGER:
+        _take_over_normal_impulses(pile, first, count, room)
+        _hold(dry, laws, pile, first, count, room)
+    for turn in range(2 if count > 1 else 1):
+        for m in range(count):
+            k = m if turn == 0 else count - 1 - m
+            c = pile.member[first + k]
+            pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+            fastest = max(fastest, _rub(dry, wet, laws, pile, c, pressing, part))
+    return fastest
+
+
+@inlined
+def _across(n):
+    """Find two unit vectors along the surface with the normal n."""
+    x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
+    axis = (1.0, 0.0, 0.0) if x <= y and x <= z else (
+        (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
+    one = cross(n, axis)
+    one = scaled(1.0 / length(one), one)
+    return one, cross(n, one)
+
+
+@kernel
+def _list_holding(dry, laws, pile, first, count, room):
+    """List the directions of those that stick; how many contacts there are of them."""
+    size = 0
+    if dry is not None:
+        for k in range(count):
+            c = pile.member[first + k]
+            n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+            bound = laws[pile.ends[c, LAW_ROW], STATIC] * sqrt(pile.contacts[c, MASS]) * (
+                room.vectors[FORCE, k])
+            if length(add_scaled(impulse, -dot(impulse, n), n)) < bound * (1.0 - ROUNDING):
+                one, other = _across(n)
+                put_at(room.along, 2 * size, 0, one)
+                put_at(room.along, 2 * size + 1, 0, other)
+                room.pushed[size] = c
+                size += 1
+    return size
+
+
+@kernel
+def _hold(dry, laws, pile, first, count, room):
+    """End the slip of all those at once that stick."""
+    size, factor, slips, along = _list_holding(dry, laws, pile, first, count, room), (
+        room.holding), room.slips, room.along
+    contacts, pushed = pile.contacts, room.pushed
+    for a in range(2 * size):
+        c = pushed[a // 2]
+        for b in range(a + 1):
+            d = pushed[b // 2]
+            entry = 1.0 + SHIFT if a == b else 0.0
+            if c != d:
+                shared = _shared(pile, c, d)
+                if shared != 0.0:
+                    entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
+                        at(along, a, 0), at(along, b, 0))
+            for k in range(b):
+                entry -= factor[a, k] * factor[b, k]
+            factor[a, b] = sqrt(max(entry, 0.5 * SHIFT)) if a == b else entry / factor[b, b]
+        value = -sqrt(contacts[c, MASS]) * dot(approach_of(pile, c, ENDING), at(along, a, 0))
+        for b in range(a):
+            value -= factor[a, b] * slips[b]
+        slips[a] = value / factor[a, a]
+    for a in range(2 * size - 1, -1, -1):
+        value = slips[a]
+        for b in range(a + 1, 2 * size):
+            value -= factor[b, a] * slips[b]
+        slips[a] = value / factor[a, a]
+    for a in range(2 * size):
+        c = pushed[a // 2]
+        impulse = scaled(sqrt(contacts[c, MASS]) * slips[a], at(along, a, 0))
+        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, impulse)
+        put_at(contacts, c, IMPULSE, add_scaled(at(contacts, c, IMPULSE), 1.0, impulse))
+
+
+@kernel
+def _largest_speed(pile, first, count):
+    """Largest relative speed [m/s] at some contacts before there are impulses."""
+    fastest = 0.0
+    for k in range(count):
+        fastest = max(fastest, length(approach_of(pile, pile.member[first + k], FREE)))
+    return fastest
+
+
+@kernel
+def restrain(pile, first, count):
+    """
+    Make the impulses of some contacts smaller if they bring energy in the frames of their bodies.
+
+    With impulses p, relative velocities r before and r + d after them that energy is the sum of
+    p (r + d / 2); of a share t of the impulses t p (r + t d / 2).
+    """
+    linear = square = 0.0
+    for k in range(count):
+        c = pile.member[first + k]
+        before, after = approach_of(pile, c, FREE), approach_of(pile, c, ENDING)
+        impulse = at(pile.contacts, c, IMPULSE)
+        linear += dot(impulse, before)
+        square += 0.5 * dot(impulse, subtract(after, before))
+    if not linear + square > BLUR * abs(square):
+        return
+    share = max(-linear / square, 0.0)
+    for k in range(count):
+        c = pile.member[first + k]
+        impulse = at(pile.contacts, c, IMPULSE)
+        put_at(pile.contacts, c, IMPULSE, scaled(share, impulse))
+        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING,
+             scaled(share - 1.0, impulse))
+
+
+@kernel
+def _begin(pile, first, count, room):
+    """Lay out some contacts without impulses."""
+    _lay_out(pile, first, count, room)
+    for k in range(count):
+        c = pile.member[first + k]
+        put_at(pile.contacts, c, IMPULSE, (0.0, 0.0, 0.0))
+        for end in range(2):
+            body = pile.ends[c, end]
+            if pile.bodies[body, INVERSE] > 0.0:
+                put_at(pile.bodies, body, ENDING, at(pile.bodies, body, FREE))
+
+
+@inlined
+def _is_done(dry, wet, change, before, speed):
+    """Whether friction has found its impulses, for the changes of two turns and a speed."""
+    if dry is None and wet is None:
+        return True
+    return not change > SETTLED * speed or (
+        max(before, change) <= NEARLY * speed and change >= 0.5 * before)
+
+
+@kernel
+def _end_approaches(dry, wet, laws, pile, first, count, room):
+    """Find the impulses of a group that leave its end velocities within their bounds."""
+    _begin(pile, first, count, room)
+    speed, before = _largest_speed(pile, first, count), inf
+    for turn in range(TURNS):
+        _press_normally(pile, first, count, room, ENDING, END_BOUND)
+        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
+        if _is_done(dry, wet, change, before, speed):
+            break
+        before = change
+    if dry is not None or wet is not None:
+        _press_normally(pile, first, count, room, ENDING, END_BOUND)
+        _take_over_normal_impulses(pile, first, count, room)
+    restrain(pile, first, count)
+
+
+@inlined
+def _add_friction_to_means(pile, c, part):
+    """Add a part of the friction of contact c to the mean velocities of its bodies."""
+    n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
+    push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], MEAN,
+         scaled(part, add_scaled(impulse, -dot(impulse, n), n)))
+
+
+@kernel
+def _push_apart(part, pile, first, count, room):
+    """Find the pushes of a group that leave its mean velocities within their bounds."""
+    for k in range(count):
+        _add_friction_to_means(pile, pile.member[first + k], part)
+        room.vectors[FORCE, k] = 0.0
+    _press_normally(pile, first, count, room, MEAN, MEAN_BOUND)
+    for k in range(count):
+        c = pile.member[first + k]
+        pile.contacts[c, PUSH] = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
+
+
+@kernel
+def _lifts_for_nothing(part, pull, pile, first, count):
+    """
+    Whether the pushes of a group lift it by more than its impulses have taken of its energy.
+
+    That is energy in the frames of those that touch. Pushes between two particles lift nothing.
+    """
+    taken = lifted = 0.0
+    for k in range(count):
+        c = pile.member[first + k]
+        impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
+        taken -= 0.5 * dot(impulse, approach_of(pile, c, FREE)) + 0.5 * dot(
+            impulse, approach_of(pile, c, ENDING))
+        sides = (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
+            pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
+        mean = add_scaled(scaled(part, impulse),
+                          pile.contacts[c, PUSH] - part * dot(impulse, n), n)
+        lifted -= sides * dot(mean, pull)
+    return lifted - taken > BLUR * (abs(lifted) + abs(taken))
+
+
+@kernel
+def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
+    """
+    Find the impulses of a group of contacts that leave the end velocities no approach.
+
+    Then find its pushes, without friction, for the mean velocities. Bounds that let those that
+    come down keep their speed are taken away where the pushes would lift them for nothing.
+
+    Parameters
+    ----------
+    dry, wet, laws, part
+        As in `piles.settle`.
+    pull : (3,) tuple of float [m/s]
+        What gravity does in the step.
+    pile : contact_solver.Pile
+        Of the contacts pile.member[first:first + count]; impulses and pushes are written, and the
+        velocities of their bodies.
+    first, count : int
+        The group; at most MOST.
+    room : Room
+        Scratch.
+
+    """
+    contacts, bodies = pile.contacts, pile.bodies
+    for k in range(count):
+        c = pile.member[first + k]
+        for end in range(2):
+            body = pile.ends[c, end]
+            if bodies[body, INVERSE] > 0.0:
+                put_at(bodies, body, KEPT, at(bodies, body, MEAN))
+    _end_approaches(dry, wet, laws, pile, first, count, room)
+    _push_apart(part, pile, first, count, room)
+    if _lifts_for_nothing(part, pull, pile, first, count):
+        for k in range(count):
+            c = pile.member[first + k]
+            if contacts[c, PUSH] > 0.0:
+                contacts[c, END_BOUND] = 0.0
+            for end in range(2):
+                body = pile.ends[c, end]
+                if bodies[body, INVERSE] > 0.0:
+                    put_at(bodies, body, MEAN, at(bodies, body, KEPT))
+        _end_approaches(dry, wet, laws, pile, first, count, room)
+        _push_apart(part, pile, first, count, room)
+
+
+@kernel
+def _bounce(laws, pile, first, count, room):
+    """
+    Add to impulses that end an approach what restitution gives back.
+
+    With one restitution e for all it is e times the impulse, and of the energy that an inelastic
+    collision takes the share e^2 comes back. Where restitutions differ it could be more than all
+    of it: it is then what restores all.
+    """
+    lost = back = 0.0
+    for k in range(count):
+        e = laws[pile.ends[pile.member[first + k], LAW_ROW], RESTITUTION]
+        room.vectors[LATEST, k] = e * room.vectors[FORCE, k]
+    for k in range(count):
+        for m in range(count):
+            lost += room.matrix[k, m] * room.vectors[FORCE, k] * room.vectors[FORCE, m]
+            back += room.matrix[k, m] * room.vectors[LATEST, k] * room.vectors[LATEST, m]
+    share = sqrt(max(lost, 0.0) / back) if back > lost else 1.0
+    for k in range(count):
+        room.vectors[FORCE, k] += share * room.vectors[LATEST, k]
+
+
+@kernel
+def collide_group(dry, wet, laws, pile, first, count, room):
+    """
+    Find the impulses of a group of contacts that collide at once.
+
+    Parameters
+    ----------
+    dry, wet, laws, pile, first, count, room
+        As in `settle_group`; END_BOUND is 0.
+
+    Notes
+    -----
+    The inelastic impulses end every approach; each then gets its restitution once, and friction
+    for what it is then. For a single contact that is Newton's law with the lecture's friction.
+
+    """
+    _begin(pile, first, count, room)
+    _press_normally(pile, first, count, room, ENDING, END_BOUND)
+    for k in range(count):
+        _add_normally(pile, first, k, room, ENDING, -1.0)
+    _bounce(laws, pile, first, count, room)
+    for k in range(count):
+        _add_normally(pile, first, k, room, ENDING, 1.0)
+    speed, before = _largest_speed(pile, first, count), inf
+    for turn in range(TURNS):
+        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
+        if _is_done(dry, wet, change, before, speed):
+            break
+        before = change
+    restrain(pile, first, count)

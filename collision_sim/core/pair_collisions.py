@@ -1,0 +1,715 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The collision stage between particles, and with the colliders near them.
+
+It is elastic, and acts on the velocities at the start of the step.
+
+Two particles collide if they meet and approach each other, as pairs.py says; a particle that is
+near another one collides with a collider as response.py says. Who pressed on each other when the
+last step ended stays in contact, unless they approach faster than gravity makes it in a step: what
+the sweeps of a pile have left of an approach is no collision. Each gets its part, by the masses,
+of one change of their relative velocity: restitution along the normal, friction along the surface.
+So the momentum of a pair is conserved to rounding, and with restitution 1 and without friction its
+energy. Balls do not spin: friction at their surfaces does not conserve angular momentum about
+their centres.
+
+What happens at once is answered at once: all collisions of a round that have a particle in common,
+by joint.collide_group. Without sweeps all that meet at the end of the step do so; with sweeps
+those that come first for all that take part, to TIE. Then their candidates are flown anew, the
+pairs and colliders of who has collided are looked at again, with whoever is near its new path, and
+the next round follows until nobody collides. So in a row at rest the push goes from ball to ball,
+and the last one leaves. A particle collides MOST_HITS times in a step; what is left is for the
+contact stage, in piles.py. Two that collide by themselves, and not at a collider, are not looked
+for anybody else while they leave their paths by less than OPEN of a radius: to look takes longer
+than to collide, and what they then overlap collides in the next step. Of more than joint.MOST
+collisions at once those come first that are deepest, or earliest, for both of their particles.
+Nothing depends on the order of the particles.
+"""
+
+from math import inf
+from typing import NamedTuple
+
+from collision_sim.core.around import begin_moves, find_around, move, Moved
+from collision_sim.core.candidates import Candidates, fly_anew
+from collision_sim.core.cells import Cells
+from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
+                                               LAW_ROW, MASS, NORMAL, Pile, put_at)
+from collision_sim.core.detection import detect
+from collision_sim.core.groups import group_contacts
+from collision_sim.core.impulses import dry_factor, wet_factor
+from collision_sim.core.jit import entry, inlined, kernel
+from collision_sim.core.joint import collide_group, make_room, MOST
+from collision_sim.core.laws import normal_impulse
+from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
+from collision_sim.core.mesh_way import keep_answers
+from collision_sim.core.pair_memory import Memory, recall
+from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
+                                      look_at, Matter, Meetings, MOST_HITS, MOVED, NEAR,
+                                      PairRules, put, SECOND, SOONEST)
+from collision_sim.core.response import collide as collide_with_collider
+from collision_sim.core.response import record
+from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
+                                      NONE, ROUNDING, Rules, Touch)
+from collision_sim.core.shapes import RESTITUTION, signed_distance
+from collision_sim.core.stepping import BLOCK
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+import numpy as np
+
+TIE = 1e-9              # share of a step: what is closer happens at once
+BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
+AWAY, AT_WALL = 1, 2    # marks of particles whose colliders were looked at: none is near, or one
+LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
+OPEN = 0.15             # the same in the open, where two collide to whom nothing else happens
+# Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
+# and normal, velocity of the collider, point.
+ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
+
+
+class Walls(NamedTuple):
+    """
+    Collisions with colliders that are waiting: scratch.
+
+    values (W, WALL); ends (W, 2) int32: particle and collider; size (1,) int64: how many; one (1,)
+    int64: a collider by itself.
+    """
+
+    values: np.ndarray
+    ends: np.ndarray
+    size: np.ndarray
+    one: np.ndarray
+
+
+def make_walls(most):
+    """Allocate room for a number of collisions with colliders."""
+    return Walls(np.empty((most, WALL)), np.empty((most, 2), dtype=np.int32),
+                 np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+
+
+class Stage(NamedTuple):
+    """
+    What the stages of a step between particles work on.
+
+    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory, cells,
+    moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
+    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written.
+    """
+
+    rules: Rules
+    pair_rules: PairRules
+    matter: Matter
+    meetings: Meetings
+    memory: Memory
+    cells: Cells
+    moved: Moved
+    pile: Pile
+    walls: Walls
+    candidates: Candidates
+    table: np.ndarray
+    poses: np.ndarray
+    motion: np.ndarray
+    log: np.ndarray
+    accounts: np.ndarray
+    ledger: tuple
+    x: np.ndarray
+    v: np.ndarray
+
+
+@inlined
+def friction_factor(dry, wet, laws, c, slip, dv_n):
+    """Factor of the friction in row c of the laws on a tangential velocity; 1 without friction."""
+    if dry is None and wet is None:
+        return 1.0
+    return dry_factor(dry, laws, c, length(slip), dv_n) * wet_factor(wet, laws, c, dv_n)
+
+
+@inlined
+def relative_change(rules, relative, n):
+    """Change of the relative velocity [m/s] of a pair in a collision along the normal n."""
+    c = rules.laws.shape[0] - 1
+    v_n = dot(relative, n)
+    dv_n = normal_impulse(v_n, rules.laws[c, RESTITUTION])
+    slip = add_scaled(relative, -v_n, n)
+    factor = friction_factor(rules.dry, rules.wet, rules.laws, c, slip, dv_n)
+    return add_scaled(scaled(dv_n, n), factor - 1.0, slip)
+
+
+@inlined
+def here_of(stage, i, answers):
+    """Where particle i is looked at."""
+    return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
+                stage.walls.one, answers)
+
+
+@inlined
+def _fly_on(stage, i, before, after):
+    """Give particle i another velocity at the start of the step, and fly it anew."""
+    candidates = stage.candidates
+    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    old = column(candidates.u, i)
+    u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after, old,
+                    column(candidates.w, i))
+    put(stage.v, i, after)
+    put(candidates.u, i, u)
+    put(candidates.w, i, w)
+    candidates.settled[i] = 1
+    stage.meetings.states[i, DRIFT] += stage.rules.flight.dt * length(subtract(u, old))
+
+
+@inlined
+def change(stage, i, after, work):
+    """Change the velocity of particle i; `work` [J/kg] is what colliders have done to it."""
+    before = column(stage.v, i)
+    _fly_on(stage, i, before, after)
+    book(stage.ledger, Here(0, 0, 0, i // BLOCK, i, 0.0, None, None), INTERNAL,
+         kinetic(before, after) - work)
+
+
+@inlined
+def _collide(stage, p):
+    """Let the particles of pair p collide by themselves."""
+    meetings, matter, v = stage.meetings, stage.matter, stage.v
+    i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+    n = (meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2])
+    dv = relative_change(stage.pair_rules, subtract(column(v, i), column(v, j)), n)
+    total = matter.inverse[i] + matter.inverse[j]
+    change(stage, i, add_scaled(column(v, i), matter.inverse[i] / total, dv), 0.0)
+    change(stage, j, add_scaled(column(v, j), -matter.inverse[j] / total, dv), 0.0)
+
+
+@kernel
+def _collide_with_wall(stage, k):
+    """Let a particle collide with a collider by itself."""
+    values, i = stage.walls.values, stage.walls.ends[k, 0]
+    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    touch = Touch(stage.walls.ends[k, 1], at(values, k, ALONG), at(values, k, COLLIDER_VELOCITY),
+                  at(values, k, WHERE), values[k, APPROACH], 0.0, True, False)
+    before = column(stage.v, i)
+    after = collide_with_collider(stage.rules, here, stage.table, stage.log, stage.accounts,
+                                  stage.ledger, touch, before)
+    _fly_on(stage, i, before, after)
+
+
+@inlined
+def enlist(meetings, p):
+    """Note pair p with its particles."""
+    for end in range(2):
+        i = meetings.ends[p, end]
+        meetings.behind[p, end] = int(meetings.states[i, HEAD])
+        meetings.states[i, HEAD] = 2 * p + end
+
+
+@inlined
+def _is_listed(meetings, i, j):
+    """Whether particles i and j are a pair already."""
+    code = int(meetings.states[i, HEAD])
+    while code != NONE:
+        if meetings.ends[code >> 1, 1 - (code & 1)] == j:
+            return True
+        code = meetings.behind[code >> 1, code & 1]
+    return False
+
+
+@inlined
+def follow(stage, i, base, tolerance):
+    """
+    List the pairs of who is near the path of particle i now; how many there are more.
+
+    Nothing is to be done if it ends no farther than `tolerance` [m] from where it was found.
+    """
+    moved, meetings, x, dt = stage.moved, stage.meetings, stage.x, stage.rules.flight.dt
+    part = dt if stage.rules.sweep is None else 0.5 * dt
+    u, shift = column(stage.candidates.u, i), meetings.states[i, DRIFT]
+    if not shift > tolerance:
+        return 0
+    meetings.states[i, DRIFT] = 0.0
+    centre = add_scaled(column(x, i), part, u)
+    extent = base
+    if stage.rules.sweep is not None:
+        extent = base + part * length(u)
+    move(stage.cells, moved, i, centre, extent, shift)
+    find_around(stage.cells, moved, i)
+    before = meetings.size[0]
+    for k in range(moved.size[1]):
+        j, p = moved.found[k], meetings.size[0]
+        if can_meet(stage.matter, i, j) and not _is_listed(meetings, i, j):
+            if p == meetings.ends.shape[0]:
+                stage.accounts[0, N_UNDECIDED] += 1
+                return p - before
+            meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
+            meetings.known[p] = recall(stage.memory, i, j)
+            meetings.order[p], meetings.looked[p] = inf, NONE
+            meetings.size[0] += 1
+            enlist(meetings, p)
+    return meetings.size[0] - before
+
+
+@kernel
+def _may_meet(present, table, poses, end, radius, x1, way):
+    """Whether a path of some length [m] that ends at x1 may meet colliders that stand still."""
+    for c in range(table.shape[0]):
+        if signed_distance(present, table, poses, end, c, x1)[0] - radius <= way:
+            return True
+    return False
+
+
+@inlined
+def _look_at_walls(stage, i, answers):
+    """List the collisions of particle i with colliders."""
+    x0, u = column(stage.x, i), column(stage.candidates.u, i)
+    x1, poses = add_scaled(x0, stage.rules.flight.dt, u), stage.poses
+    if stage.motion is not None or _may_meet(
+            stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i],
+            x1, length(subtract(x1, x0))):
+        stage.meetings.states[i, NEAR] = AT_WALL
+        _list_walls(stage, i, answers)
+
+
+@kernel
+def _list_walls(stage, i, answers):
+    """List the collisions of particle i with colliders that are near its path."""
+    walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
+    u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
+    x1 = add_scaled(x0, rules.flight.dt, u)
+    if stage.meetings.states[i, HITS] >= MOST_HITS:
+        return
+    for c in range(stage.table.shape[0]):
+        walls.one[0], k = c, walls.size[0]
+        touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
+                          stage.accounts, x0, x1, v0, u, True)
+        least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
+        if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
+                k < walls.ends.shape[0]) and not (
+                recall(stage.memory, i, x_count(stage) + c) != NONE
+                and touch.v_n >= -stage.pair_rules.slow):
+            walls.ends[k, 0], walls.ends[k, 1] = i, c
+            walls.values[k, APPROACH] = touch.v_n
+            put_at(walls.values, k, ALONG, touch.normal)
+            put_at(walls.values, k, COLLIDER_VELOCITY, touch.obj)
+            put_at(walls.values, k, WHERE, touch.point)
+            walls.values[k, ORDER] = _order_of(rules.sweep, touch, x0, x1)
+            walls.size[0] += 1
+
+
+@inlined
+def x_count(stage):
+    """How many particles there are."""
+    return stage.x.shape[1]
+
+
+@inlined
+def _order_of(sweep, touch, x0, x1):
+    """When a particle meets a collider, or how deep it ends in it."""
+    if sweep is not None:
+        way = length(subtract(x1, x0))
+        return length(subtract(touch.point, x0)) / way if way > 0.0 else 0.0
+    return dot(touch.normal, subtract(x1, touch.point))
+
+
+@inlined
+def _comes_now(stage, i, order):
+    """Whether what has an order is first for particle i, or happens at once with what is."""
+    return stage.rules.sweep is None or order <= stage.meetings.states[i, SOONEST] + TIE
+
+
+@inlined
+def _choose(stage):
+    """Let each particle find what comes first for it."""
+    meetings, walls = stage.meetings, stage.walls
+    for k in range(meetings.size[1]):
+        p = meetings.active[k]
+        for end in range(2):
+            i = meetings.ends[p, end]
+            meetings.states[i, SOONEST] = min(meetings.states[i, SOONEST], meetings.order[p])
+    for k in range(walls.size[0]):
+        i = walls.ends[k, 0]
+        meetings.states[i, SOONEST] = min(meetings.states[i, SOONEST], walls.values[k, ORDER])
+
+
+@inlined
+def _is_pair_now(stage, p):
+    meetings = stage.meetings
+    return (_comes_now(stage, meetings.ends[p, FIRST], meetings.order[p])
+            and _comes_now(stage, meetings.ends[p, SECOND], meetings.order[p]))
+
+
+@inlined
+def _is_wall_now(stage, k):
+    return _comes_now(stage, stage.walls.ends[k, 0], stage.walls.values[k, ORDER])
+
+
+@inlined
+def _is_passive(stage, i):
+    """Whether other particles can move particle i: its mass is finite."""
+    return stage.matter.inverse[i] > 0.0
+
+
+@inlined
+def _count_parts(stage):
+    """Count what each particle takes part in now."""
+    meetings, walls = stage.meetings, stage.walls
+    for k in range(meetings.size[1]):
+        p = meetings.active[k]
+        if _is_pair_now(stage, p):
+            meetings.states[meetings.ends[p, FIRST], BUSY] += 1
+            meetings.states[meetings.ends[p, SECOND], BUSY] += 1
+    for k in range(walls.size[0]):
+        if _is_wall_now(stage, k) and _is_passive(stage, walls.ends[k, 0]):
+            meetings.states[walls.ends[k, 0], BUSY] += 1
+
+
+@inlined
+def _forget_parts(stage):
+    """Forget what comes first, and what each particle takes part in."""
+    meetings, walls = stage.meetings, stage.walls
+    for k in range(meetings.size[1]):
+        for end in range(2):
+            i = meetings.ends[meetings.active[k], end]
+            meetings.states[i, BUSY], meetings.states[i, SOONEST] = 0, inf
+    for k in range(walls.size[0]):
+        i = walls.ends[k, 0]
+        meetings.states[i, BUSY], meetings.states[i, SOONEST] = 0, inf
+
+
+@kernel
+def _body_of(stage, size, i):
+    """Body of particle i; a new one, behind `size` others, if it has none; and their number."""
+    pile = stage.pile
+    if pile.body[i] != NONE:
+        return pile.body[i], size
+    pile.body[i], pile.particle[size] = size, i
+    pile.bodies[size, INVERSE] = stage.matter.inverse[i]
+    put_at(pile.bodies, size, FREE, column(stage.v, i))
+    put_at(pile.bodies, size, ENDING, column(stage.v, i))
+    return size, size + 1
+
+
+@inlined
+def _write_contact(pile, c, a, b, law_row, source, n):
+    """Write contact c of the bodies a and b; `source` is its pair, or the wall it is."""
+    pile.ends[c, FIRST], pile.ends[c, SECOND], pile.ends[c, LAW_ROW] = a, b, law_row
+    pile.source[c] = source
+    put_at(pile.contacts, c, NORMAL, n)
+    pile.contacts[c, MASS] = 1.0 / (pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE])
+    pile.contacts[c, END_BOUND] = 0.0
+
+
+@kernel
+def _list_together(stage):
+    """List what happens at once, but pairs and walls by themselves; bodies, pairs, contacts."""
+    meetings, walls, pile, size, c = stage.meetings, stage.walls, stage.pile, 0, 0
+    for k in range(meetings.size[1]):
+        p = meetings.active[k]
+        i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+        if max(meetings.states[i, BUSY], meetings.states[j, BUSY]) > 1 and _is_pair_now(stage, p):
+            a, size = _body_of(stage, size, i)
+            b, size = _body_of(stage, size, j)
+            _write_contact(pile, c, a, b, stage.table.shape[0], p,
+                           (meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2]))
+            c += 1
+    pairs = c
+    for k in range(walls.size[0]):
+        i = walls.ends[k, 0]
+        if meetings.states[i, BUSY] > 1 and _is_passive(stage, i) and _is_wall_now(stage, k):
+            a, size = _body_of(stage, size, i)
+            if c == pile.ends.shape[0] or size == pile.bodies.shape[0]:
+                break
+            put_at(pile.bodies, size, FREE, at(walls.values, k, COLLIDER_VELOCITY))
+            put_at(pile.bodies, size, ENDING, at(walls.values, k, COLLIDER_VELOCITY))
+            pile.bodies[size, INVERSE] = 0.0
+            _write_contact(pile, c, a, size, walls.ends[k, 1], k, at(walls.values, k, ALONG))
+            size, c = size + 1, c + 1
+    return size, pairs, c
+
+
+@inlined
+def _note(meetings, i, turn, in_the_open):
+    """Note that a particle has collided in a round, and whether in the open."""
+    if meetings.states[i, MOVED] != turn:
+        if meetings.states[i, HITS] == 0:
+            meetings.struck[meetings.size[2]] = i
+            meetings.size[2] += 1
+        meetings.states[i, MOVED] = turn
+        meetings.states[i, HITS] += 1
+        meetings.fresh[meetings.size[3]] = -1 - i if in_the_open else i
+        meetings.size[3] += 1
+
+
+@inlined
+def _is_in_the_open(meetings, i):
+    """Whether nothing else has happened to particle i in the step, nor is it at a collider."""
+    return meetings.states[i, HITS] == 0.0 and meetings.states[i, NEAR] != AT_WALL
+
+
+@kernel
+def _take_over(stage, size, pairs, contacts, turn):
+    """Give the particles what the group collisions have made of their velocities."""
+    pile, meetings, walls = stage.pile, stage.meetings, stage.walls
+    for body in range(size):
+        pile.work[body] = 0.0
+    for c in range(contacts):
+        impulse = at(pile.contacts, c, IMPULSE)
+        if dot(impulse, at(pile.contacts, c, NORMAL)) > 0.0:
+            a = pile.ends[c, FIRST]
+            for end in range(2 if c < pairs else 1):
+                body = pile.ends[c, end]
+                meetings.states[pile.particle[body], BLUR] += (
+                    BLURRED * ROUNDING * length(impulse) * pile.bodies[body, INVERSE])
+            _note(meetings, pile.particle[a], turn, False)
+            if c < pairs:
+                _note(meetings, pile.particle[pile.ends[c, SECOND]], turn, False)
+                stage.accounts[0, N_PAIR_COLLISION] += 1
+            else:
+                i, k = pile.particle[a], pile.source[c]
+                here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+                dv, obj = scaled(pile.bodies[a, INVERSE], impulse), at(pile.bodies,
+                                                                       pile.ends[c, SECOND], FREE)
+                record(stage.log, stage.accounts, here, walls.ends[k, 1], COLLISION,
+                       at(walls.values, k, WHERE), at(pile.contacts, c, NORMAL), dv)
+                book_impulse(stage.ledger, here, walls.ends[k, 1], dot(dv, obj), dv)
+                pile.work[a] += dot(dv, obj)
+                stage.accounts[here.block, N_COLLISION] += 1
+    for c in range(contacts):
+        for end in range(2 if c < pairs else 1):
+            body = pile.ends[c, end]
+            i = pile.particle[body]
+            if pile.body[i] != NONE:
+                pile.body[i] = NONE
+                if meetings.states[i, MOVED] == turn and _is_passive(stage, i):
+                    change(stage, i, at(pile.bodies, body, ENDING), pile.work[body])
+
+
+@kernel
+def _is_first(stage, c):
+    """Whether contact c has the least order of all that its particles take part in."""
+    pile, meetings, pairs = stage.pile, stage.meetings, stage.table.shape[0]
+    if pile.ends[c, LAW_ROW] == pairs:
+        p = pile.source[c]
+        order = meetings.order[p]
+        return order <= meetings.states[meetings.ends[p, FIRST], SOONEST] and (
+            order <= meetings.states[meetings.ends[p, SECOND], SOONEST])
+    k = pile.source[c]
+    return stage.walls.values[k, ORDER] <= meetings.states[stage.walls.ends[k, 0], SOONEST]
+
+
+@kernel
+def _collide_one_by_one(stage, first, count, dry, wet, room):
+    """Let those of a large group collide that come first, one after the other."""
+    pile, laws = stage.pile, stage.pair_rules.laws
+    for k in range(count):
+        c = pile.member[first + k]
+        put_at(pile.contacts, c, IMPULSE, (0.0, 0.0, 0.0))
+    for k in range(count):
+        c = pile.member[first + k]
+        a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
+        if _is_first(stage, c) and pile.used[a] >= 0 and pile.used[b] >= 0:
+            pile.used[a] = pile.used[b] = NONE
+            collide_group(dry, wet, laws, pile, first + k, 1, room)
+
+
+@kernel
+def _collide_together(stage, dry, wet, room, turn):
+    """Answer what happens at once."""
+    pile, laws = stage.pile, stage.pair_rules.laws
+    size, pairs, contacts = _list_together(stage)
+    groups = group_contacts(pile, size, contacts)
+    for g in range(groups):
+        first, count = 0 + pile.group[g], pile.group[g + 1] - pile.group[g]
+        if count <= MOST:
+            collide_group(dry, wet, laws, pile, first, count, room)
+        else:
+            _collide_one_by_one(stage, first, count, dry, wet, room)
+    _take_over(stage, size, pairs, contacts, turn)
+
+
+@inlined
+def _respond(stage, dry, wet, room, turn):
+    """Answer all that comes now; whether there was anything."""
+    meetings, walls, together, alone = stage.meetings, stage.walls, False, False
+    for k in range(meetings.size[1]):
+        p = meetings.active[k]
+        if _is_pair_now(stage, p):
+            i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+            if meetings.states[i, BUSY] == 1 and meetings.states[j, BUSY] == 1:
+                _collide(stage, p)
+                free = _is_in_the_open(meetings, i) and _is_in_the_open(meetings, j)
+                _note(meetings, i, turn, free)
+                _note(meetings, j, turn, free)
+                stage.accounts[0, N_PAIR_COLLISION] += 1
+                alone = True
+            else:
+                together = True
+    for k in range(walls.size[0]):
+        if _is_wall_now(stage, k):
+            i = walls.ends[k, 0]
+            if meetings.states[i, BUSY] == 1 or not _is_passive(stage, i):
+                _collide_with_wall(stage, k)
+                _note(meetings, i, turn, False)
+                alone = True
+            else:
+                together = True
+    if together:
+        _collide_together(stage, dry, wet, room, turn)
+    return together or alone
+
+
+@inlined
+def _look_at_pairs(stage, i, turn):
+    """Look at the pairs of particle i again, unless they have been in this round."""
+    meetings, code = stage.meetings, int(stage.meetings.states[i, HEAD])
+    while code != NONE:
+        p = code >> 1
+        if meetings.looked[p] != turn and can_meet(stage.matter, meetings.ends[p, FIRST],
+                                                   meetings.ends[p, SECOND]):
+            meetings.looked[p] = turn
+            look_at(stage.rules.sweep, stage.pair_rules.slow, stage.rules.flight.dt, stage.matter,
+                    stage.x, stage.v, stage.candidates, meetings, p)
+            if meetings.order[p] < inf:
+                meetings.active[meetings.size[1]] = p
+                meetings.size[1] += 1
+        code = meetings.behind[p, code & 1]
+
+
+@inlined
+def _keep_others(stage, turn):
+    """Keep the collisions of those that have not collided in a round, for the next one."""
+    meetings, walls, kept = stage.meetings, stage.walls, 0
+    for k in range(meetings.size[1]):
+        p = meetings.active[k]
+        if meetings.states[meetings.ends[p, FIRST], MOVED] != turn and (
+                meetings.states[meetings.ends[p, SECOND], MOVED] != turn):
+            meetings.active[kept] = p
+            kept += 1
+    meetings.size[1], kept = kept, 0
+    for k in range(walls.size[0]):
+        if meetings.states[walls.ends[k, 0], MOVED] != turn:
+            for d in range(WALL):
+                walls.values[kept, d] = walls.values[k, d]
+            walls.ends[kept, 0], walls.ends[kept, 1] = walls.ends[k, 0], walls.ends[k, 1]
+            kept += 1
+    walls.size[0] = kept
+
+
+@inlined
+def _look_again(stage, base, slack, turn, answers):
+    """Look at what those meet that have collided in a round."""
+    meetings = stage.meetings
+    _keep_others(stage, turn)
+    known = meetings.size[0]
+    for k in range(meetings.size[3]):
+        i = meetings.fresh[k]
+        part = LOOSE if i >= 0 else OPEN
+        i = max(i, -1 - i)
+        follow(stage, i, base[i], part * stage.matter.radius[i] + slack)
+    for k in range(meetings.size[3]):
+        i = max(meetings.fresh[k], -1 - meetings.fresh[k])
+        _look_at_pairs(stage, i, turn)
+        meetings.states[i, NEAR] = max(meetings.states[i, NEAR], AWAY)
+        _look_at_walls(stage, i, answers)
+    meetings.size[3] = 0
+    for p in range(known, meetings.size[0]):
+        _meet_walls_of(stage, p, answers)
+
+
+@inlined
+def _meet_walls_of(stage, p, answers):
+    """Look at the colliders of the particles of pair p, if nobody has yet."""
+    for end in range(2):
+        _meet_walls(stage, stage.meetings.ends[p, end], answers)
+
+
+@inlined
+def _meet_walls(stage, i, answers):
+    """Look at the colliders of particle i, if nobody has yet."""
+    if stage.meetings.states[i, NEAR] == 0:
+        stage.meetings.states[i, NEAR] = AWAY
+        _look_at_walls(stage, i, answers)
+
+
+@inlined
+def _begin(stage, bounced, bounces, answers):
+    """List what collides to begin with."""
+    meetings = stage.meetings
+    meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
+    for p in range(meetings.size[0]):
+        enlist(meetings, p)
+        meetings.looked[p] = NONE
+        if meetings.order[p] < inf:
+            meetings.active[meetings.size[1]] = p
+            meetings.size[1] += 1
+    if stage.rules.sweep is not None or stage.rules.present.meshes is not None:
+        for p in range(meetings.size[0]):
+            _meet_walls_of(stage, p, answers)
+    for block in range(bounces.shape[0]):
+        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
+            if bounced[k] >= 0:
+                _meet_walls(stage, bounced[k], answers)
+            else:
+                meetings.states[-1 - bounced[k], NEAR] = AT_WALL
+
+
+@entry
+def collide_all(stage, dry, wet, base, bounced, bounces):
+    """
+    Run the collision stage between particles.
+
+    Parameters
+    ----------
+    stage : Stage
+        With the pairs of `list_meetings`; velocities and candidates are changed.
+    dry, wet : int or None
+        1 if pairs or colliders have such friction.
+    base : (N,) float64 [m]
+        Extent of each particle without its path.
+    bounced, bounces
+        Of bounces.find_bounces.
+
+    """
+    room = make_room()
+    answers = keep_answers(stage.rules.present.meshes, stage.table)
+    meetings, going = stage.meetings, True
+    slack = stage.rules.flight.dt * stage.pair_rules.slow
+    begin_moves(stage.cells, stage.moved)
+    _begin(stage, bounced, bounces, answers)
+    turn = 0 * meetings.size[0]
+    while going:
+        _choose(stage)
+        _count_parts(stage)
+        going = _respond(stage, dry, wet, room, turn)
+        _forget_parts(stage)
+        _look_again(stage, base, slack, turn, answers)
+        turn += 1
+    for k in range(meetings.size[2]):
+        i = meetings.struck[k]
+        meetings.states[i, MOVED], meetings.states[i, HITS] = NONE, 0
+        meetings.states[i, BLUR] = 0.0
+
+
+@kernel
+def part_all(meetings, bounced, bounces):
+    """Forget the pairs of a step."""
+    for p in range(meetings.size[0]):
+        for end in range(2):
+            _forget(meetings, meetings.ends[p, end])
+    for block in range(bounces.shape[0]):
+        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
+            _forget(meetings, max(bounced[k], -1 - bounced[k]))
+
+
+@inlined
+def _forget(meetings, i):
+    """Forget what has happened to particle i in a step."""
+    meetings.states[i, HEAD], meetings.states[i, NEAR] = NONE, 0.0
+    meetings.states[i, DRIFT] = 0.0

@@ -1,0 +1,116 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The impulses of a few contacts at once, against what they are defined by."""
+
+from collision_sim.core.contact_solver import (END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
+                                               make_pile, MASS, MEAN, MEAN_BOUND, NORMAL)
+from collision_sim.core.groups import group_contacts
+from collision_sim.core.joint import collide_group, make_room, settle_group
+from collision_sim.core.shapes import COLUMNS, RESTITUTION, STATIC
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.skipif(hasattr(settle_group, 'py_func'),
+                                reason='kernels are called from compiled code only')
+REST = slice(ENDING, ENDING + 3)
+
+
+def cluster(seed, ratio, friction, count=5):
+    """
+    Give bodies in a heap: all near pairs of random places touch, and the lowest one the ground.
+
+    Returns
+    -------
+    pile : Pile
+    contacts : int
+    laws : (1, COLUMNS) float64
+
+    """
+    random = np.random.default_rng(seed)
+    place, inverse = random.normal(size=(count, 3)), ratio ** -random.random(count)
+    ends = [(i, j) for i in range(count) for j in range(i) if random.random() < 0.6] + [(0, count)]
+    pile = make_pile(count + 1, len(ends), np.full(count, -1, dtype=np.int32))
+    pile.bodies[:] = 0.0
+    pile.bodies[:count, FREE:FREE + 3] = random.normal(size=(count, 3))
+    pile.bodies[:count, INVERSE] = inverse
+    pile.bodies[:, REST] = pile.bodies[:, FREE:FREE + 3]
+    pile.bodies[:, MEAN:MEAN + 3] = pile.bodies[:, FREE:FREE + 3]
+    for c, (a, b) in enumerate(ends):
+        n = place[a] - place[b] if b < count else np.array([0.0, 0.0, 1.0])
+        pile.ends[c] = a, b, 0
+        pile.contacts[c, NORMAL:NORMAL + 3] = n / np.linalg.norm(n)
+        pile.contacts[c, MASS] = 1.0 / (pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE])
+        pile.contacts[c, END_BOUND] = pile.contacts[c, MEAN_BOUND] = 0.0
+    return pile, len(ends), laws(friction)
+
+
+def laws(friction, restitution=0.5):
+    """Give one row of laws."""
+    table = np.zeros((1, COLUMNS))
+    table[0, RESTITUTION], table[0, STATIC:STATIC + 2] = restitution, friction
+    return table
+
+
+def normal_speeds(pile, contacts, which):
+    """Give the normal velocities of the contacts."""
+    a, b = pile.ends[:contacts, 0], pile.ends[:contacts, 1]
+    relative = pile.bodies[a, which:which + 3] - pile.bodies[b, which:which + 3]
+    return np.sum(relative * pile.contacts[:contacts, NORMAL:NORMAL + 3], axis=1)
+
+
+def energy(pile, which):
+    """Give the kinetic energy of the bodies."""
+    moving = pile.bodies[:, INVERSE] > 0.0
+    v = pile.bodies[moving, which:which + 3]
+    return 0.5 * np.sum(np.square(v).sum(axis=1) / pile.bodies[moving, INVERSE])
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3, 5.0])
+@pytest.mark.parametrize('ratio', [1.0, 1e3, 1e6])
+@pytest.mark.parametrize('seed', range(6))
+def test_contacts_end_every_approach(seed, ratio, friction):
+    """No contact approaches or pulls, only those press that touch, and no energy comes in."""
+    pile, contacts, table = cluster(seed, ratio, friction)
+    first = 0
+    for g in range(group_contacts(pile, len(pile.bodies), contacts)):
+        count = pile.group[g + 1] - pile.group[g]
+        settle_group(1, None, table, 0.5, (0.0, 0.0, 0.0), pile, first, count, make_room())
+        first += count
+    speeds = normal_speeds(pile, contacts, ENDING)
+    pressing = np.sum(pile.contacts[:, IMPULSE:IMPULSE + 3] * pile.contacts[:, NORMAL:NORMAL + 3],
+                      axis=1)
+    assert speeds.min() > -1e-12
+    assert pressing.min() >= -1e-9
+    assert np.abs(speeds * pressing * pile.bodies[:, INVERSE].min()).max() < 1e-5
+    assert energy(pile, ENDING) <= energy(pile, FREE) * (1.0 + 1e-9)
+    assert normal_speeds(pile, contacts, MEAN).min() > -1e-12
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+@pytest.mark.parametrize('ratio', [1.0, 1e3, 1e6])
+@pytest.mark.parametrize('seed', range(6))
+def test_collisions_give_back_what_restitution_allows(seed, ratio, restitution):
+    """With e = 1 all of the energy, with less the share e^2 of what an inelastic hit takes."""
+    pile, contacts, _ = cluster(seed, ratio, 0.0)
+    ends = []
+    for e in (0.0, restitution):
+        first, before = 0, energy(pile, FREE)
+        for g in range(group_contacts(pile, len(pile.bodies), contacts)):
+            count = pile.group[g + 1] - pile.group[g]
+            collide_group(None, None, laws(0.0, e), pile, first, count, make_room())
+            first += count
+        ends.append(energy(pile, ENDING))
+    assert before - ends[1] == pytest.approx((1.0 - restitution ** 2) * (before - ends[0]),
+                                             rel=1e-6, abs=1e-9 * before)
