@@ -23,8 +23,9 @@ from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.jit import bound
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
-from collision_sim.core.pair_collisions import collide_all, make_walls, Stage
+from collision_sim.core.pair_collisions import collide_all
 from collision_sim.core.pair_memory import Memory
+from collision_sim.core.pair_walls import make_walls, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
 from collision_sim.core.rules import CHECKS, N_UNDECIDED, NONE

@@ -24,7 +24,9 @@ factors, so the ratio of masses costs no sweeps. Where contacts are redundant, a
 a table are, their impulses are not unique: SHIFT on the diagonal chooses among them, and is taken
 out again by repeating the solution from the last one (proximal point, Rockafellar 1976). Where no
 impulses do, as between two walls that close, they would grow without end: there SOFT on the
-diagonal divides what is missing, and nobody gets faster than those that squeeze him.
+diagonal divides what is missing, and nobody gets faster than those that squeeze him. So it does
+where the way out of a squeeze is SQUEEZED times as fast as what closes, between walls that are all
+but opposite to each other.
 
 Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
 stay within it stick: one linear system for all of them; a sweep there and back over all contacts
@@ -51,6 +53,7 @@ SHIFT = 1e-11           # on a diagonal of ones
 SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
 MISSING = 1e-6          # share of what is wanted that shows that
+SQUEEZED = 30.0         # times the approaches: a faster way out of a squeeze is none
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
 TURNS = 80              # of normal impulses and friction
 EAGER, HASTY = 8, 24    # turns up to which those that stick are held, and that go all the way
@@ -229,11 +232,17 @@ def press(room, count):
         if not SHIFT * change > BLUR * largest:
             return
     if SHIFT * change > MISSING * largest:
-        _shift(room, count, SOFT)
-        for k in range(count):
-            vectors[LATEST, k] = 0.0
-        _repeat(room, count)
-        _shift(room, count, SHIFT)
+        _press_softly(room, count)
+
+
+@kernel
+def _press_softly(room, count):
+    """Find impulses that bring only a part of what is wanted, and do not grow without end."""
+    _shift(room, count, SOFT)
+    for k in range(count):
+        room.vectors[LATEST, k] = 0.0
+    _repeat(room, count)
+    _shift(room, count, SHIFT)
 
 
 @inlined
@@ -264,9 +273,18 @@ def approach_of(pile, c, which):
 
 
 @kernel
+def _largest_speed(pile, first, count, which):
+    """Largest relative speed [m/s] at some contacts."""
+    fastest = 0.0
+    for k in range(count):
+        fastest = max(fastest, length(approach_of(pile, pile.member[first + k], which)))
+    return fastest
+
+
+@kernel
 def _press_normally(pile, first, count, room, which, bound):
     """Give the contacts their normal impulses, instead of those that they have in `room`."""
-    contacts, vectors = pile.contacts, room.vectors
+    contacts, vectors, most = pile.contacts, room.vectors, 0.0
     for k in range(count):
         c = pile.member[first + k]
         missing = contacts[c, bound] - dot(approach_of(pile, c, which), at(contacts, c, NORMAL))
@@ -274,11 +292,19 @@ def _press_normally(pile, first, count, room, which, bound):
         for m in range(count):
             wanted += room.matrix[k, m] * vectors[FORCE, m]
         vectors[WANTED, k] = wanted
+        most = max(most, abs(wanted) / sqrt(contacts[c, MASS]))
     for k in range(count):      # taken out first: light bodies between heavy ones stay exact
         _add_normally(pile, first, k, room, which, -1.0)
+    most = SQUEEZED * most + _largest_speed(pile, first, count, which)
     press(room, count)
     for k in range(count):
         _add_normally(pile, first, k, room, which, 1.0)
+    if _largest_speed(pile, first, count, which) > most:
+        for k in range(count):
+            _add_normally(pile, first, k, room, which, -1.0)
+        _press_softly(room, count)
+        for k in range(count):
+            _add_normally(pile, first, k, room, which, 1.0)
 
 
 @inlined
@@ -403,15 +429,6 @@ def _hold(dry, laws, pile, first, count, room):
 
 
 @kernel
-def _largest_speed(pile, first, count):
-    """Largest relative speed [m/s] at some contacts before there are impulses."""
-    fastest = 0.0
-    for k in range(count):
-        fastest = max(fastest, length(approach_of(pile, pile.member[first + k], FREE)))
-    return fastest
-
-
-@kernel
 def restrain(pile, first, count):
     """
     Make the impulses of some contacts smaller if they bring energy in the frames of their bodies.
@@ -463,7 +480,7 @@ def _is_done(dry, wet, change, before, speed):
 def _end_approaches(dry, wet, laws, pile, first, count, room):
     """Find the impulses of a group that leave its end velocities within their bounds."""
     _begin(pile, first, count, room)
-    speed, before = _largest_speed(pile, first, count), inf
+    speed, before = _largest_speed(pile, first, count, FREE), inf
     for turn in range(TURNS):
         _press_normally(pile, first, count, room, ENDING, END_BOUND)
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
@@ -607,7 +624,7 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     _bounce(laws, pile, first, count, room)
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
-    speed, before = _largest_speed(pile, first, count), inf
+    speed, before = _largest_speed(pile, first, count, FREE), inf
     for turn in range(TURNS):
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
         if _is_done(dry, wet, change, before, speed):

@@ -40,14 +40,11 @@ Nothing depends on the order of the particles.
 """
 
 from math import inf
-from typing import NamedTuple
 
-from collision_sim.core.around import begin_moves, find_around, move, Moved
-from collision_sim.core.candidates import Candidates, fly_anew
-from collision_sim.core.cells import Cells
+from collision_sim.core.around import begin_moves, find_around, move
+from collision_sim.core.candidates import fly_anew
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
-                                               LAW_ROW, MASS, NORMAL, Pile, put_at)
-from collision_sim.core.detection import detect
+                                               LAW_ROW, MASS, NORMAL, put_at)
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.impulses import dry_factor, wet_factor
 from collision_sim.core.jit import entry, inlined, kernel
@@ -55,76 +52,23 @@ from collision_sim.core.joint import collide_group, make_room, MOST
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.pair_memory import Memory, recall
+from collision_sim.core.pair_memory import recall
+from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, list_thrown,
+                                           LISTED, look_at_walls, meet_walls, ORDER, WALL, WHERE)
 from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
-                                      look_at, Matter, Meetings, MOST_HITS, MOVED, NEAR,
-                                      PairRules, put, SECOND, SOONEST)
+                                      look_at, MOVED, NEAR, put, SECOND, SOONEST)
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
-                                      NONE, ROUNDING, Rules, Touch)
-from collision_sim.core.shapes import RESTITUTION, signed_distance
+                                      NONE, ROUNDING, Touch)
+from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
-from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
-import numpy as np
+from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 
 TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
-AWAY, AT_WALL = 1, 2    # marks of particles whose colliders were looked at: none is near, or one
 LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
 OPEN = 0.15             # the same in the open, where two collide to whom nothing else happens
-# Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
-# and normal, velocity of the collider, point.
-ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
-
-
-class Walls(NamedTuple):
-    """
-    Collisions with colliders that are waiting: scratch.
-
-    values (W, WALL); ends (W, 2) int32: particle and collider; size (1,) int64: how many; one (1,)
-    int64: a collider by itself.
-    """
-
-    values: np.ndarray
-    ends: np.ndarray
-    size: np.ndarray
-    one: np.ndarray
-
-
-def make_walls(most):
-    """Allocate room for a number of collisions with colliders."""
-    return Walls(np.empty((most, WALL)), np.empty((most, 2), dtype=np.int32),
-                 np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
-
-
-class Stage(NamedTuple):
-    """
-    What the stages of a step between particles work on.
-
-    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory, cells,
-    moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
-    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written.
-    """
-
-    rules: Rules
-    pair_rules: PairRules
-    matter: Matter
-    meetings: Meetings
-    memory: Memory
-    cells: Cells
-    moved: Moved
-    pile: Pile
-    walls: Walls
-    candidates: Candidates
-    table: np.ndarray
-    poses: np.ndarray
-    motion: np.ndarray
-    log: np.ndarray
-    accounts: np.ndarray
-    ledger: tuple
-    x: np.ndarray
-    v: np.ndarray
 
 
 @inlined
@@ -144,13 +88,6 @@ def relative_change(rules, relative, n):
     slip = add_scaled(relative, -v_n, n)
     factor = friction_factor(rules.dry, rules.wet, rules.laws, c, slip, dv_n)
     return add_scaled(scaled(dv_n, n), factor - 1.0, slip)
-
-
-@inlined
-def here_of(stage, i, answers):
-    """Where particle i is looked at."""
-    return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
-                stage.walls.one, answers)
 
 
 @inlined
@@ -254,68 +191,6 @@ def follow(stage, i, base, tolerance):
             meetings.size[0] += 1
             enlist(meetings, p)
     return meetings.size[0] - before
-
-
-@kernel
-def _may_meet(present, table, poses, end, radius, x1, way):
-    """Whether a path of some length [m] that ends at x1 may meet colliders that stand still."""
-    for c in range(table.shape[0]):
-        if signed_distance(present, table, poses, end, c, x1)[0] - radius <= way:
-            return True
-    return False
-
-
-@inlined
-def _look_at_walls(stage, i, answers):
-    """List the collisions of particle i with colliders."""
-    x0, u = column(stage.x, i), column(stage.candidates.u, i)
-    x1, poses = add_scaled(x0, stage.rules.flight.dt, u), stage.poses
-    if stage.motion is not None or _may_meet(
-            stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i],
-            x1, length(subtract(x1, x0))):
-        stage.meetings.states[i, NEAR] = AT_WALL
-        _list_walls(stage, i, answers)
-
-
-@kernel
-def _list_walls(stage, i, answers):
-    """List the collisions of particle i with colliders that are near its path."""
-    walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
-    u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
-    x1 = add_scaled(x0, rules.flight.dt, u)
-    if stage.meetings.states[i, HITS] >= MOST_HITS:
-        return
-    for c in range(stage.table.shape[0]):
-        walls.one[0], k = c, walls.size[0]
-        touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
-                          stage.accounts, x0, x1, v0, u, True)
-        least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
-        if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
-                k < walls.ends.shape[0]) and not (
-                recall(stage.memory, i, x_count(stage) + c) != NONE
-                and touch.v_n >= -stage.pair_rules.slow):
-            walls.ends[k, 0], walls.ends[k, 1] = i, c
-            walls.values[k, APPROACH] = touch.v_n
-            put_at(walls.values, k, ALONG, touch.normal)
-            put_at(walls.values, k, COLLIDER_VELOCITY, touch.obj)
-            put_at(walls.values, k, WHERE, touch.point)
-            walls.values[k, ORDER] = _order_of(rules.sweep, touch, x0, x1)
-            walls.size[0] += 1
-
-
-@inlined
-def x_count(stage):
-    """How many particles there are."""
-    return stage.x.shape[1]
-
-
-@inlined
-def _order_of(sweep, touch, x0, x1):
-    """When a particle meets a collider, or how deep it ends in it."""
-    if sweep is not None:
-        way = length(subtract(x1, x0))
-        return length(subtract(touch.point, x0)) / way if way > 0.0 else 0.0
-    return dot(touch.normal, subtract(x1, touch.point))
 
 
 @inlined
@@ -450,7 +325,7 @@ def _note(meetings, i, turn, in_the_open):
 @inlined
 def _is_in_the_open(meetings, i):
     """Whether nothing else has happened to particle i in the step, nor is it at a collider."""
-    return meetings.states[i, HITS] == 0.0 and meetings.states[i, NEAR] != AT_WALL
+    return meetings.states[i, HITS] == 0.0 and meetings.states[i, NEAR] != LISTED
 
 
 @kernel
@@ -607,7 +482,6 @@ def _look_again(stage, base, slack, turn, answers):
     """Look at what those meet that have collided in a round."""
     meetings = stage.meetings
     _keep_others(stage, turn)
-    known = meetings.size[0]
     for k in range(meetings.size[3]):
         i = meetings.fresh[k]
         part = LOOSE if i >= 0 else OPEN
@@ -616,30 +490,21 @@ def _look_again(stage, base, slack, turn, answers):
     for k in range(meetings.size[3]):
         i = max(meetings.fresh[k], -1 - meetings.fresh[k])
         _look_at_pairs(stage, i, turn)
-        meetings.states[i, NEAR] = max(meetings.states[i, NEAR], AWAY)
-        _look_at_walls(stage, i, answers)
+        look_at_walls(stage, i, answers)
     meetings.size[3] = 0
-    for p in range(known, meetings.size[0]):
-        _meet_walls_of(stage, p, answers)
+    _meet_walls_of_active(stage, answers)
 
 
 @inlined
-def _meet_walls_of(stage, p, answers):
-    """Look at the colliders of the particles of pair p, if nobody has yet."""
-    for end in range(2):
-        _meet_walls(stage, stage.meetings.ends[p, end], answers)
+def _meet_walls_of_active(stage, answers):
+    """List the collisions with colliders of those that collide with somebody."""
+    for k in range(stage.meetings.size[1]):
+        for end in range(2):
+            meet_walls(stage, stage.meetings.ends[stage.meetings.active[k], end], answers)
 
 
 @inlined
-def _meet_walls(stage, i, answers):
-    """Look at the colliders of particle i, if nobody has yet."""
-    if stage.meetings.states[i, NEAR] == 0:
-        stage.meetings.states[i, NEAR] = AWAY
-        _look_at_walls(stage, i, answers)
-
-
-@inlined
-def _begin(stage, bounced, bounces, answers):
+def _begin(stage, base, bounced, bounces, answers):
     """List what collides to begin with."""
     meetings = stage.meetings
     meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
@@ -649,15 +514,8 @@ def _begin(stage, bounced, bounces, answers):
         if meetings.order[p] < inf:
             meetings.active[meetings.size[1]] = p
             meetings.size[1] += 1
-    if stage.rules.sweep is not None or stage.rules.present.meshes is not None:
-        for p in range(meetings.size[0]):
-            _meet_walls_of(stage, p, answers)
-    for block in range(bounces.shape[0]):
-        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
-            if bounced[k] >= 0:
-                _meet_walls(stage, bounced[k], answers)
-            else:
-                meetings.states[-1 - bounced[k], NEAR] = AT_WALL
+    _meet_walls_of_active(stage, answers)
+    list_thrown(stage, base, bounced, bounces, answers)
 
 
 @entry
@@ -682,7 +540,7 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
     meetings, going = stage.meetings, True
     slack = stage.rules.flight.dt * stage.pair_rules.slow
     begin_moves(stage.cells, stage.moved)
-    _begin(stage, bounced, bounces, answers)
+    _begin(stage, base, bounced, bounces, answers)
     turn = 0 * meetings.size[0]
     while going:
         _choose(stage)

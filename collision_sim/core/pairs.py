@@ -36,6 +36,7 @@ from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled
 import numpy as np
 
 MOST_HITS = 10          # of a particle in a step
+TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they may be apart
 FIRST, SECOND = 0, 1    # columns of the ends of a pair
 # Columns of the states of particles: order of what comes first, what it takes part in, round in
 # which it has collided last, how often it has, whether its colliders were looked at, rounding of
@@ -208,7 +209,7 @@ def end_normal(sweep, dt, size, x, v, candidates, i, j):
 
 
 @inlined
-def _meet(sweep, dt, size, x, v, candidates, i, j):
+def meet(sweep, dt, size, x, v, candidates, i, j):
     """When or how deep two particles meet, inf if they do not, and the normal."""
     if sweep is not None:
         return meet_on_way(dt, size, x, v, candidates, i, j)
@@ -222,7 +223,7 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     vi, vj = column(v, i), column(v, j)
     relative = subtract(vi, vj)
-    order, n = _meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
+    order, n = meet(sweep, dt, matter.radius[i] + matter.radius[j], x, relative, candidates, i, j)
     speed = largest(vi) + largest(vj) + largest(column(candidates.u, i)) + largest(
         column(candidates.u, j))
     least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]

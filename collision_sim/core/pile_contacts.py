@@ -26,16 +26,15 @@ from collision_sim.core.detection import end_distance, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
-from collision_sim.core.pair_collisions import here_of
 from collision_sim.core.pair_memory import forget, keep, recall
-from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND
+from collision_sim.core.pair_walls import here_of
+from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND, TOUCH
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
 IN_CONTACT, MET_ANEW = -2, -3   # marks of a pair that is in contact, instead of a round
 HOT = 1                 # mark of a particle whose contacts are solved again
-TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they may be apart
 
 
 @kernel

@@ -51,8 +51,10 @@ from collision_sim.core.joint import make_room, MOST, restrain, settle_group
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.pair_collisions import AT_WALL, follow, here_of, LOOSE, part_all
+from collision_sim.core.motion import chord_velocity
+from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
+from collision_sim.core.pair_walls import AT_WALL, here_of, LISTED
 from collision_sim.core.pairs import (can_meet, column, DRIFT, end_normal, FIRST, HEAD, NEAR,
                                       put, SECOND)
 from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
@@ -151,29 +153,63 @@ def _lean(stage, ledger, dry, here, pile, c):
 
 
 @kernel
-def _is_at_wall(stage, i, answers):
-    """Whether particle i now ends inside a collider."""
-    x0, here = column(stage.x, i), here_of(stage, i, answers)
-    x1 = add_scaled(x0, stage.rules.flight.dt, column(stage.candidates.u, i))
+def _pushed(stage, i, answers):
+    """
+    How deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
+
+    As response.py presses it: no farther than to the surface, or to go with the collider.
+    """
+    x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
+    u = column(stage.candidates.u, i)
+    x1 = add_scaled(x0, dt, u)
+    deepest, along, way = 0.0, (0.0, 0.0, 0.0), 0.0
     for c in range(stage.table.shape[0]):
         stage.walls.one[0] = c
-        if end_distance(stage.rules.present.meshes, stage.rules, here, stage.table, stage.poses,
-                        stage.motion, c, x0, x1)[0] < -DEEP * here.radius:
-            return True
-    return False
+        gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
+                              stage.poses, stage.motion, c, x0, x1)
+        if gap < deepest:
+            obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
+            deepest, along, way = gap, n, max(-gap, dt * dot(n, subtract(obj, u)))
+    return -deepest, add_scaled(x1, way, along)
+
+
+@kernel
+def _is_at_wall(stage, i, answers):
+    """Whether particle i now ends inside a collider."""
+    return _pushed(stage, i, answers)[0] > DEEP * stage.matter.radius[i]
+
+
+@inlined
+def _may_be_pushed(stage, i):
+    """Whether a collider may push particle i, whose collisions with colliders are answered."""
+    near = stage.meetings.states[i, NEAR]
+    return near == AT_WALL or near == LISTED or near == 0.0 and (
+        stage.rules.sweep is not None or stage.rules.present.meshes is not None)
+
+
+@kernel
+def _where_pushed(stage, i, answers):
+    """As `_pushed`, if a collider may push particle i."""
+    if _may_be_pushed(stage, i):
+        return _pushed(stage, i, answers)
+    end = add_scaled(column(stage.x, i), stage.rules.flight.dt, column(stage.candidates.u, i))
+    return 0.0, end
 
 
 @kernel
 def _list_at_walls(stage, bodies, answers):
-    """List those near somebody else that a collider is going to push; how many bodies then."""
-    meetings, pile = stage.meetings, stage.pile
+    """List those that a collider is going to push onto somebody; how many bodies then."""
+    meetings, pile, matter = stage.meetings, stage.pile, stage.matter
     for p in range(meetings.size[0]):
-        for end in range(2):
-            i = meetings.ends[p, end]
-            if meetings.states[i, NEAR] == AT_WALL and pile.body[i] == NONE and (
-                    2 * bodies < pile.bodies.shape[0]) and stage.matter.inverse[i] > 0.0:
-                if _is_at_wall(stage, i, answers):
-                    _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+        i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
+        if (_may_be_pushed(stage, i) or _may_be_pushed(stage, j)) and can_meet(matter, i, j):
+            deep_i, xi = _where_pushed(stage, i, answers)
+            deep_j, xj = _where_pushed(stage, j, answers)
+            if length(subtract(xi, xj)) < matter.radius[i] + matter.radius[j]:
+                for one, depth in ((i, deep_i), (j, deep_j)):
+                    if depth > DEEP * matter.radius[one] and matter.inverse[one] > 0.0 and (
+                            pile.body[one] == NONE and 2 * bodies < pile.bodies.shape[0]):
+                        _, bodies = body_of(pile, bodies, stage.candidates, matter.inverse, one)
     return bodies
 
 

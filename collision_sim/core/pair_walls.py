@@ -1,0 +1,303 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Collisions of particles with colliders, where they belong together with those among particles.
+
+That is where a particle collides with another one, too, or where a collider throws it back onto
+somebody. All others are left to response.py: who is near and is not met changes nothing.
+"""
+
+from math import inf
+from typing import NamedTuple
+
+from collision_sim.core.around import find_around, move, Moved
+from collision_sim.core.candidates import Candidates, fly_anew
+from collision_sim.core.cells import Cells
+from collision_sim.core.contact_solver import at, Pile, put_at
+from collision_sim.core.detection import detect
+from collision_sim.core.impulses import respond
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.laws import normal_impulse
+from collision_sim.core.pair_memory import Memory, recall
+from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, HITS,
+                                      Matter, meet, Meetings, MOST_HITS, NEAR, PairRules, put,
+                                      SECOND, TOUCH)
+from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
+from collision_sim.core.shapes import RESTITUTION, signed_distance
+from collision_sim.core.stepping import BLOCK
+from collision_sim.core.vectors import add_scaled, dot, largest, length, subtract
+import numpy as np
+
+# Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
+# its collisions are listed; these are left to response.py.
+AWAY, AT_WALL, LISTED, LEFT = 1, 2, 3, 4
+# Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
+# and normal, velocity of the collider, point.
+ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
+
+
+class Walls(NamedTuple):
+    """
+    Collisions with colliders that are waiting: scratch.
+
+    values (W, WALL); ends (W, 2) int32: particle and collider; size (1,) int64: how many; one (1,)
+    int64: a collider by itself.
+    """
+
+    values: np.ndarray
+    ends: np.ndarray
+    size: np.ndarray
+    one: np.ndarray
+
+
+def make_walls(most):
+    """Allocate room for a number of collisions with colliders."""
+    return Walls(np.empty((most, WALL)), np.empty((most, 2), dtype=np.int32),
+                 np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+
+
+class Stage(NamedTuple):
+    """
+    What the stages of a step between particles work on.
+
+    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory, cells,
+    moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
+    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written.
+    """
+
+    rules: Rules
+    pair_rules: PairRules
+    matter: Matter
+    meetings: Meetings
+    memory: Memory
+    cells: Cells
+    moved: Moved
+    pile: Pile
+    walls: Walls
+    candidates: Candidates
+    table: np.ndarray
+    poses: np.ndarray
+    motion: np.ndarray
+    log: np.ndarray
+    accounts: np.ndarray
+    ledger: tuple
+    x: np.ndarray
+    v: np.ndarray
+
+
+@inlined
+def here_of(stage, i, answers):
+    """Where particle i is looked at."""
+    return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
+                stage.walls.one, answers)
+
+
+@kernel
+def _may_meet_still(present, table, poses, end, radius, x1, way):
+    """Whether a path of some length [m] that ends at x1 may meet colliders that stand still."""
+    for c in range(table.shape[0]):
+        if signed_distance(present, table, poses, end, c, x1)[0] - radius <= way:
+            return True
+    return False
+
+
+@kernel
+def _is_near(stage, i):
+    """Whether particle i may meet a collider in the step."""
+    x0, u, poses = column(stage.x, i), column(stage.candidates.u, i), stage.poses
+    x1 = add_scaled(x0, stage.rules.flight.dt, u)
+    return stage.motion is not None or _may_meet_still(
+        stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i], x1,
+        length(subtract(x1, x0)))
+
+
+@kernel
+def _list_walls(stage, i, answers):
+    """List the collisions of particle i with colliders that are near its path."""
+    walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
+    u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
+    x1 = add_scaled(x0, rules.flight.dt, u)
+    if stage.meetings.states[i, HITS] >= MOST_HITS:
+        return
+    for c in range(stage.table.shape[0]):
+        walls.one[0], k = c, walls.size[0]
+        touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
+                          stage.accounts, x0, x1, v0, u, True)
+        least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
+        if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
+                k < walls.ends.shape[0]) and not (
+                recall(stage.memory, i, stage.x.shape[1] + c) != NONE
+                and touch.v_n >= -stage.pair_rules.slow):
+            walls.ends[k, 0], walls.ends[k, 1] = i, c
+            walls.values[k, APPROACH] = touch.v_n
+            put_at(walls.values, k, ALONG, touch.normal)
+            put_at(walls.values, k, COLLIDER_VELOCITY, touch.obj)
+            put_at(walls.values, k, WHERE, touch.point)
+            walls.values[k, ORDER] = _order_of(rules.sweep, touch, x0, x1)
+            walls.size[0] += 1
+
+
+@inlined
+def _order_of(sweep, touch, x0, x1):
+    """When a particle meets a collider, or how deep it ends in it."""
+    if sweep is not None:
+        way = length(subtract(x1, x0))
+        return length(subtract(touch.point, x0)) / way if way > 0.0 else 0.0
+    return dot(touch.normal, subtract(x1, touch.point))
+
+
+@inlined
+def look_at_walls(stage, i, answers):
+    """List the collisions of particle i with colliders, of which none is listed."""
+    stage.meetings.states[i, NEAR] = AWAY
+    if _is_near(stage, i):
+        stage.meetings.states[i, NEAR] = LISTED
+        _list_walls(stage, i, answers)
+
+
+@inlined
+def meet_walls(stage, i, answers):
+    """List the collisions of particle i with colliders, if they are not."""
+    near = stage.meetings.states[i, NEAR]
+    if near != AWAY and near != LISTED:
+        look_at_walls(stage, i, answers)
+
+
+@kernel
+def _throw_back(stage, i, answers):
+    """Whether a collider throws particle i back, and its velocity and mean velocity [m/s] then."""
+    walls, v, u = stage.walls, column(stage.v, i), column(stage.candidates.u, i)
+    first, k = walls.size[0], NONE
+    _list_walls(stage, i, answers)
+    for other in range(first, walls.size[0]):
+        if k == NONE or walls.values[other, ORDER] < walls.values[k, ORDER]:
+            k = other
+    walls.size[0] = first
+    if k == NONE:
+        return False, v, u
+    c, v_n = walls.ends[k, 1], walls.values[k, APPROACH]
+    after, _ = respond(stage.rules, stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
+                       at(walls.values, k, ALONG), v_n,
+                       normal_impulse(v_n, stage.table[c, RESTITUTION]))
+    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    mean, _ = fly_anew(stage.candidates, None, here, stage.rules.flight, v, after, u,
+                       column(stage.candidates.w, i))
+    return True, after, mean
+
+
+@kernel
+def _is_in_contact(stage, i):
+    """Whether particle i is close enough to another one at the end to be in contact with it."""
+    meetings, code, dt = stage.meetings, int(stage.meetings.states[i, HEAD]), stage.rules.flight.dt
+    while code != NONE:
+        a, b = meetings.ends[code >> 1, FIRST], meetings.ends[code >> 1, SECOND]
+        size = stage.matter.radius[a] + stage.matter.radius[b]
+        gap, _ = end_normal(stage.rules.sweep, dt, size, stage.x,
+                            subtract(column(stage.v, a), column(stage.v, b)), stage.candidates,
+                            a, b)
+        if gap - TOUCH * size <= dt * stage.pair_rules.slow and can_meet(stage.matter, a, b):
+            return True
+        code = meetings.behind[code >> 1, code & 1]
+    return False
+
+
+@kernel
+def _lead(stage, i, v, u, base):
+    """Give particle i other velocities, without an account, and another place in the grid."""
+    moved, dt = stage.moved, stage.rules.flight.dt
+    put(stage.v, i, v)
+    put(stage.candidates.u, i, u)
+    part, extent = dt, moved.extent[i]
+    if stage.rules.sweep is not None:
+        part = 0.5 * dt
+        extent = base + part * length(u)
+    before, centre = column(moved.centre, i), add_scaled(column(stage.x, i), part, u)
+    move(stage.cells, moved, i, centre, extent, length(subtract(centre, before)))
+
+
+@kernel
+def _meets_somebody(stage, i):
+    """Whether particle i meets another one in the step."""
+    find_around(stage.cells, stage.moved, i)
+    for k in range(stage.moved.size[1]):
+        j = stage.moved.found[k]
+        if can_meet(stage.matter, i, j):
+            order, _ = meet(stage.rules.sweep, stage.rules.flight.dt,
+                            stage.matter.radius[i] + stage.matter.radius[j], stage.x,
+                            subtract(column(stage.v, i), column(stage.v, j)), stage.candidates,
+                            i, j)
+            if order < inf:
+                return True
+    return False
+
+
+@kernel
+def _find_at_walls(stage, bounced, bounces):
+    """Find those that may collide with a collider and are not listed; how many are `struck`."""
+    meetings, size = stage.meetings, 0
+    for block in range(bounces.shape[0]):
+        for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
+            i = max(bounced[k], -1 - bounced[k])
+            if meetings.states[i, NEAR] == 0:
+                meetings.states[i, NEAR] = AT_WALL
+                if bounced[k] >= 0:
+                    meetings.struck[size] = i
+                    size += 1
+    if stage.rules.sweep is not None or stage.rules.present.meshes is not None:
+        for p in range(meetings.size[0]):
+            for end in range(2):
+                i = meetings.ends[p, end]
+                if meetings.states[i, NEAR] == 0:
+                    meetings.states[i, NEAR] = AWAY
+                    if _is_near(stage, i):
+                        meetings.states[i, NEAR] = AT_WALL
+                        meetings.struck[size] = i
+                        size += 1
+    return size
+
+
+@kernel
+def list_thrown(stage, base, bounced, bounces, answers):
+    """
+    List the collisions with colliders of those that these throw back onto somebody.
+
+    All are led to where they are thrown back to, so that two that are thrown onto each other find
+    each other, and back; those that are in contact with somebody as it is are listed as well.
+    """
+    struck, size = stage.meetings.struck, 0
+    found = _find_at_walls(stage, bounced, bounces)
+    before, after = np.empty((found, 6)), np.empty((found, 6))
+    kept = np.empty(found, dtype=np.int8)
+    for k in range(found):
+        i = struck[k]
+        hits, v, u = _throw_back(stage, i, answers)
+        if hits:
+            struck[size], kept[size] = i, _is_in_contact(stage, i)
+            put_at(before, size, 0, column(stage.v, i))
+            put_at(before, size, 3, column(stage.candidates.u, i))
+            put_at(after, size, 0, v)
+            put_at(after, size, 3, u)
+            size += 1
+    for k in range(size):
+        _lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
+    for k in range(size):
+        kept[k] = kept[k] or _meets_somebody(stage, struck[k])
+    for k in range(size):
+        _lead(stage, struck[k], at(before, k, 0), at(before, k, 3), base[struck[k]])
+    for k in range(size):
+        if kept[k]:
+            look_at_walls(stage, struck[k], answers)
+        else:
+            stage.meetings.states[struck[k], NEAR] = LEFT
