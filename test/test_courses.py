@@ -26,7 +26,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 
-HERE = Here(0, 0, 1, 0, 0, 0.0, None, None)
+HERE = Here(0, 0, 1, 0, 0, 0.0, None, None, None)
 DT = 0.1
 
 

@@ -70,6 +70,14 @@ def how_many(chosen, table):
 
 
 @inlined
+def acted_on(only, chosen):
+    """Colliders to act on of those that are chosen: `only` these, if not None."""
+    if only is not None:
+        return only
+    return chosen
+
+
+@inlined
 def nth(chosen, m):
     """Collider number m of those that are chosen."""
     if chosen is not None:

@@ -27,7 +27,7 @@ from collision_sim.core.flight import fly
 from collision_sim.core.jit import formula, inlined
 from collision_sim.core.ledger import (book, book_flight, book_flights, GRAVITY, INTERNAL,
                                        weight_of)
-from collision_sim.core.rules import Here
+from collision_sim.core.rules import account_of
 from collision_sim.core.vectors import add, dot, subtract
 import numpy as np
 
@@ -80,7 +80,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
     for i in range(v.shape[1]):
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
-        here = Here(0, 0, 0, i // block_size, i, 0.0, None, None)
+        here = account_of(i // block_size, i)
         book_flight(ledger, here, flight.dt, start, u, w, 1.0)
         for d in range(3):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]

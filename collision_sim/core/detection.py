@@ -20,7 +20,7 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 (`survey_path`). What was only reached by rounding does not count.
 """
 
-from collision_sim.core.broad_phase import how_many, nth
+from collision_sim.core.broad_phase import acted_on, how_many, nth
 from collision_sim.core.faces import (crossed_face, face_below, face_towards, goes_through,
                                       height_over, is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
@@ -330,8 +330,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 
     """
     hit, press, deep, phi, inside, dt = NOTHING, NOTHING, 0.0, 0.0, False, rules.flight.dt
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(how_many(acted_on(here.only, here.chosen), table)):
+        k = nth(acted_on(here.only, here.chosen), m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
@@ -360,8 +360,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
     hit, deep = NOTHING, 0.0
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(how_many(acted_on(here.only, here.chosen), table)):
+        k = nth(acted_on(here.only, here.chosen), m)
         phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi < deep and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
             n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, 0.0,
@@ -458,8 +458,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     """
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, inside, dt = 0.0, 0.0, False, rules.flight.dt
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(how_many(acted_on(here.only, here.chosen), table)):
+        k = nth(acted_on(here.only, here.chosen), m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
@@ -491,8 +491,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
 def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
     """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
     hit, first, deep = NOTHING, NEVER, 0.0
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(how_many(acted_on(here.only, here.chosen), table)):
+        k = nth(acted_on(here.only, here.chosen), m)
         if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
             continue
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,

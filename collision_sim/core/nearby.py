@@ -277,7 +277,7 @@ def chosen_within(around, here, table, poses, x0, reach):
     """Give `here` with the colliders chosen that a particle may touch within reach [m] of x0."""
     count = choose(around.grid, table, poses, here.start, x0, reach, around.chosen)
     return Here(here.step, here.start, here.end, here.block, here.particle, here.radius,
-                around.chosen[:count], here.answers)
+                around.chosen[:count], here.answers, here.only)
 
 
 @kernel

@@ -33,7 +33,7 @@ from collision_sim.core.cells import (cell_width, count_level, count_slots, EXTE
 from collision_sim.core.flight import fly
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.ledger import book_flight
-from collision_sim.core.rules import Here
+from collision_sim.core.rules import account_of
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import dot
@@ -69,7 +69,7 @@ def _candidate(flies, flight, ledger, block, v, candidates, i):
     if flies is not None:
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
-        book_flight(ledger, Here(0, 0, 0, block, i, 0.0, None, None), flight.dt, start, u, w, 1.0)
+        book_flight(ledger, account_of(block, i), flight.dt, start, u, w, 1.0)
         for d in range(3):
             candidates.u[d, i], candidates.w[d, i] = u[d], w[d]
         return u

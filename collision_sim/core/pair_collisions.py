@@ -59,8 +59,8 @@ from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST
                                       look_at, MOVED, NEAR, put, SECOND, SOONEST)
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
-from collision_sim.core.rules import (COLLISION, Here, N_COLLISION, N_PAIR_COLLISION, N_UNDECIDED,
-                                      NONE, ROUNDING, Touch)
+from collision_sim.core.rules import (account_of, COLLISION, N_COLLISION, N_PAIR_COLLISION,
+                                      N_UNDECIDED, NONE, ROUNDING, Touch)
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
@@ -94,7 +94,7 @@ def relative_change(rules, relative, n):
 def _fly_on(stage, i, before, after):
     """Give particle i another velocity at the start of the step, and fly it anew."""
     candidates = stage.candidates
-    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    here = account_of(i // BLOCK, i)
     old = column(candidates.u, i)
     u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after, old,
                     column(candidates.w, i))
@@ -110,7 +110,7 @@ def change(stage, i, after, work):
     """Change the velocity of particle i; `work` [J/kg] is what colliders have done to it."""
     before = column(stage.v, i)
     _fly_on(stage, i, before, after)
-    book(stage.ledger, Here(0, 0, 0, i // BLOCK, i, 0.0, None, None), INTERNAL,
+    book(stage.ledger, account_of(i // BLOCK, i), INTERNAL,
          kinetic(before, after) - work)
 
 
@@ -130,7 +130,7 @@ def _collide(stage, p):
 def _collide_with_wall(stage, k):
     """Let a particle collide with a collider by itself."""
     values, i = stage.walls.values, stage.walls.ends[k, 0]
-    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    here = account_of(i // BLOCK, i)
     touch = Touch(stage.walls.ends[k, 1], at(values, k, ALONG), at(values, k, COLLIDER_VELOCITY),
                   at(values, k, WHERE), values[k, APPROACH], 0.0, True, False)
     before = column(stage.v, i)
@@ -348,7 +348,7 @@ def _take_over(stage, size, pairs, contacts, turn):
                 stage.accounts[0, N_PAIR_COLLISION] += 1
             else:
                 i, k = pile.particle[a], pile.source[c]
-                here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+                here = account_of(i // BLOCK, i)
                 dv, obj = scaled(pile.bodies[a, INVERSE], impulse), at(pile.bodies,
                                                                        pile.ends[c, SECOND], FREE)
                 record(stage.log, stage.accounts, here, walls.ends[k, 1], COLLISION,

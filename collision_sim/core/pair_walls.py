@@ -34,7 +34,7 @@ from collision_sim.core.pair_memory import Memory, recall
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, HITS,
                                       Matter, meet, Meetings, MOST_HITS, NEAR, PairRules, put,
                                       SECOND, TOUCH)
-from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
+from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.vectors import add_scaled, dot, largest, length, subtract
@@ -101,7 +101,7 @@ class Stage(NamedTuple):
 def here_of(stage, i, answers):
     """Where particle i is looked at."""
     return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
-                stage.walls.one, answers)
+                None, answers, stage.walls.one)
 
 
 @kernel
@@ -191,7 +191,7 @@ def _throw_back(stage, i, answers):
     after, _ = respond(stage.rules, stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
                        at(walls.values, k, ALONG), v_n,
                        normal_impulse(v_n, stage.table[c, RESTITUTION]))
-    here = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None)
+    here = account_of(i // BLOCK, i)
     mean, _ = fly_anew(stage.candidates, None, here, stage.rules.flight, v, after, u,
                        column(stage.candidates.w, i))
     return True, after, mean

@@ -60,7 +60,8 @@ from collision_sim.core.pairs import (can_meet, column, DRIFT, end_normal, FIRST
 from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
                                               MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
-from collision_sim.core.rules import Here, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE, STICK
+from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE,
+                                      STICK)
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
@@ -76,7 +77,7 @@ DEEP = 1e-5             # share of a radius: who is pushed deeper into somebody 
 def _book(ledger, dt, i, before, after, shift):
     """Book a change of the end velocity and a shift of the place as those of inner forces."""
     if ledger is not None:
-        here, pull = Here(0, 0, 0, i // BLOCK, i, 0.0, None, None), dot(ledger.gravity, shift)
+        here, pull = account_of(i // BLOCK, i), dot(ledger.gravity, shift)
         book(ledger, here, GRAVITY, pull)
         book(ledger, here, INTERNAL, kinetic(before, after) - pull)
 

@@ -21,6 +21,7 @@ The accounts (blocks, ACCOUNTS) hold the counters and the number of rows in the 
 from typing import NamedTuple, Optional
 
 from collision_sim.core.flight import Flight
+from collision_sim.core.jit import inlined
 from collision_sim.core.shapes import Present
 from collision_sim.core.vectors import EPSILON
 import numpy as np
@@ -82,7 +83,8 @@ class Here(NamedTuple):
     Step of this call, rows of poses at its start and end, block, particle and its radius.
 
     chosen: colliders that the particle may touch, None for all (broad_phase.py); answers: the last
-    ones of meshes (mesh_way.py), None where nobody keeps them.
+    ones of meshes (mesh_way.py), None where nobody keeps them; only: the one collider of those
+    chosen that is acted on, (1,), None for all: pairs look at one at a time.
     """
 
     step: int
@@ -93,6 +95,13 @@ class Here(NamedTuple):
     radius: float
     chosen: Optional[np.ndarray]
     answers: Optional[np.ndarray]
+    only: Optional[np.ndarray]
+
+
+@inlined
+def account_of(block, i):
+    """Where what happens to particle i of a block is booked."""
+    return Here(0, 0, 0, block, i, 0.0, None, None, None)
 
 
 class Touch(NamedTuple):

@@ -41,7 +41,7 @@ from typing import NamedTuple
 from collision_sim.core.flight import fly
 from collision_sim.core.jit import entry, formula, kernel
 from collision_sim.core.ledger import book, book_flight, INTERNAL, kinetic
-from collision_sim.core.rules import Here
+from collision_sim.core.rules import account_of
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
@@ -218,7 +218,7 @@ def _begin_block(springs, flight, ledger, block, x, v, candidates, reached, fore
             a = acceleration(springs, x, v, i)
             kicked = add_scaled(velocity, half, a)
             u, w = fly(flight, kicked)
-            here = Here(0, 0, 0, block, i, 0.0, None, None)
+            here = account_of(block, i)
             book(ledger, here, INTERNAL, kinetic(velocity, kicked))
             book_flight(ledger, here, flight.dt, kicked, u, w, 1.0)
         _write(candidates.u, i, u)
@@ -233,7 +233,7 @@ def _end_block(springs, dt, ledger, block, candidates, reached, foreseen):
     for i in range(block * BLOCK, min((block + 1) * BLOCK, reached.shape[1])):
         flown = _at(candidates.w, i)
         w = add_scaled(flown, 0.5 * dt, acceleration(springs, reached, foreseen, i))
-        book(ledger, Here(0, 0, 0, block, i, 0.0, None, None), INTERNAL, kinetic(flown, w))
+        book(ledger, account_of(block, i), INTERNAL, kinetic(flown, w))
         _write(candidates.w, i, w)
 
 

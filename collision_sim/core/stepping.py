@@ -133,7 +133,7 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
         return freeze(accounts, block, x0)
     reach = reach_of(radius, move, x0, x1) + 2.0 * rules.flight.dt * (length(v0) + length(v1))
     around = Around(grid, move, chosen)
-    here = Here(step, start, end, block, i, radius, chosen, answers)
+    here = Here(step, start, end, block, i, radius, chosen, answers, None)
     here = chosen_within(around, here, table, poses, x0, reach)
     place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
                               ledger, candidates, around, reach)
@@ -193,7 +193,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)
             prefetch_row(zt, ahead)
             _take(lean, rules.flight, ahead, xt, yt, zt, ut, vt, wt, new)
-        here = Here(step, start, end, block, first, 0.0, None, None)
+        here = Here(step, start, end, block, first, 0.0, None, None, None)
         left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
                                 motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
                                 clear, lengths, chosen, touching, held, unanswered, count)

@@ -39,7 +39,7 @@ def _strike_block(rules, block, table, poses, motion, radius, log, accounts, led
     """Collision stage of a block of particles; writes the velocities of those that collide."""
     u, end = candidates.u, poses.shape[0] - 1
     for i in range(block * BLOCK, min((block + 1) * BLOCK, x.shape[1])):
-        here = Here(0, 0, end, block, i, radius_at(radius, i), None, None)
+        here = Here(0, 0, end, block, i, radius_at(radius, i), None, None, None)
         x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
         mean = (u[0, i], u[1, i], u[2, i])
         x1 = add_scaled(x0, rules.flight.dt, mean)
