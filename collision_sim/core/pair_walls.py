@@ -113,6 +113,28 @@ def _may_meet_still(present, table, poses, end, radius, x1, way):
     return False
 
 
+@inlined
+def _comes_before(values, k, m):
+    """Whether row k comes before row m: by its normal, then by its order."""
+    for column_ in (ALONG, ALONG + 1, ALONG + 2, ORDER):
+        if values[k, column_] != values[m, column_]:
+            return values[k, column_] < values[m, column_]
+    return False
+
+
+@kernel
+def sort_walls(walls, first):
+    """Sort the rows from `first` on by their normals: the order of the colliders means nothing."""
+    values, ends = walls.values, walls.ends
+    for last in range(first + 1, walls.size[0]):
+        k = last
+        while k > first and _comes_before(values, k, k - 1):
+            for d in range(WALL):
+                values[k, d], values[k - 1, d] = values[k - 1, d], values[k, d]
+            ends[k, 1], ends[k - 1, 1] = ends[k - 1, 1], ends[k, 1]
+            k -= 1
+
+
 @kernel
 def _is_near(stage, i):
     """Whether particle i may meet a collider in the step."""
@@ -129,6 +151,7 @@ def _list_walls(stage, i, answers):
     walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
     u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
+    first = walls.size[0]
     if stage.meetings.states[i, HITS] >= MOST_HITS:
         return
     for c in range(stage.table.shape[0]):
@@ -147,6 +170,7 @@ def _list_walls(stage, i, answers):
             put_at(walls.values, k, WHERE, touch.point)
             walls.values[k, ORDER] = _order_of(rules.sweep, touch, x0, x1)
             walls.size[0] += 1
+    sort_walls(walls, first)
 
 
 @inlined

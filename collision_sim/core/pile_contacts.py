@@ -27,7 +27,7 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.pair_memory import forget, keep, recall
-from collision_sim.core.pair_walls import here_of
+from collision_sim.core.pair_walls import ALONG, here_of, ORDER, sort_walls
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND, TOUCH
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
@@ -138,10 +138,28 @@ def _carry(pile, body, n, mean, end):
     put_at(pile.bodies, body, KEPT, at(pile.bodies, body, ENDING))
 
 
+@kernel
+def _find_supports(stage, here, x0):
+    """List the colliders that a particle may press on among the walls, sorted."""
+    rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
+    u = column(stage.candidates.u, here.particle)
+    x1, reach = add_scaled(x0, dt, u), SUPPORT_REACH * here.radius + dt * length(u)
+    walls.size[0] = 0
+    for c in range(stage.table.shape[0]):
+        walls.one[0], k = c, walls.size[0]
+        gap, n = end_distance(rules.present.meshes, rules, here, stage.table, stage.poses,
+                              stage.motion, c, x0, x1)
+        if gap <= reach and k < walls.ends.shape[0]:
+            walls.ends[k, 1], walls.values[k, ORDER] = c, gap
+            put_at(walls.values, k, ALONG, n)
+            walls.size[0] += 1
+    sort_walls(walls, 0)
+
+
 @inlined
-def _support(stage, here, x0, c, size, count):
+def _support(stage, here, x0, c, gap, n, size, count):
     """
-    List collider c as a support of a particle, if it may press on it; how many there are then.
+    List collider c as a support of a particle, at a gap [m] at the end; how many there are then.
 
     One of infinite mass is carried right away: no impulse of the pile would change that.
     """
@@ -149,10 +167,6 @@ def _support(stage, here, x0, c, size, count):
     poses, motion = stage.poses, stage.motion
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
-    gap, n = end_distance(rules.present.meshes, rules, here, stage.table, poses, motion, c, x0,
-                          x1)
-    if not gap <= SUPPORT_REACH * here.radius + dt * length(u):
-        return size, count
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
     known = recall(stage.memory, i, stage.x.shape[1] + c)
     depth = starts_inside(rules, here, stage.table, poses, motion, c, x0)
@@ -178,15 +192,17 @@ def _support(stage, here, x0, c, size, count):
 @kernel
 def list_supports(stage, bodies, contacts, answers):
     """List the colliders that the bodies may press on; how many bodies and contacts there are."""
-    pile, size, chosen = stage.pile, bodies, stage.walls.one
+    pile, walls, size = stage.pile, stage.walls, bodies
     for a in range(bodies):
         i = pile.particle[a]
         x0, here = column(stage.x, i), here_of(stage, i, answers)
-        for c in range(stage.table.shape[0]):
+        _find_supports(stage, here, x0)
+        for k in range(walls.size[0]):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 return size, contacts
-            chosen[0] = c
-            size, contacts = _support(stage, here, x0, c, size, contacts)
+            c = walls.one[0] = walls.ends[k, 1]
+            size, contacts = _support(stage, here, x0, c, walls.values[k, ORDER],
+                                      at(walls.values, k, ALONG), size, contacts)
     return size, contacts
 
 
