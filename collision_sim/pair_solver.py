@@ -17,7 +17,6 @@
 
 from collision_sim.core.around import make_moved
 from collision_sim.core.bounces import find_bounces
-from collision_sim.core.broad_phase import most_move
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.jit import bound
@@ -108,15 +107,14 @@ class PairSolver:
         if count == 0:
             return
         threads = threads if count > FEW * BLOCK else 1
-        base = self._reaching(parts)
+        base = self._base
         self._sort(rules, parts, candidates, flies, base, threads)
         pieces = -(-int(self._cells.start[slots_in(self._cells.levels)]) // PIECE)
         self._find(pieces, threads)
         parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        self._find_bounces(parts, candidates, threads)
-        bounces = int(self._bounces[:, 1].sum())
+        bounces = self._find_bounces(parts, candidates, threads)
         if pairs == 0 and bounces == 0:
             self.forget()
             return
@@ -135,7 +133,8 @@ class PairSolver:
         collide_all(stage, self._dry, self._wet, base, self._bounced, self._bounces)
         for again in range(AGAIN):
             work = make_work(self._sweeps, self._rules.slow)
-            share(settle, threads, work, stage, self._dry, self._wet, base, again > 0)
+            share(settle, threads, work, stage, self._dry, self._wet, base, self._bounced,
+                  self._bounces, again > 0)
             if work.numbers[MET] == 0:
                 break
         part(self._meetings, self._bounced, self._bounces)
@@ -145,27 +144,18 @@ class PairSolver:
         kind = tuple(each is None for each in stage)
         if kind not in self._compiled:
             prepare(settle, make_work(self._sweeps, self._rules.slow), stage, self._dry, self._wet,
-                    base, False)
+                    base, self._bounced, self._bounces, False)
             bound(part, self._meetings, self._bounced, self._bounces)
             self._compiled.add(kind)
 
     def _find_bounces(self, parts, candidates, threads):
-        """Find who collides with colliders, where nobody sweeps."""
-        if parts.rules.sweep is None and len(parts.table):
-            share(find_bounces, threads, parts.grid, parts.rules, parts.table, parts.poses,
-                  parts.motion, self._matter.radius, self._centre, parts.x, parts.v, candidates,
-                  self._bounced, self._bounces)
-
-    def _reaching(self, parts):
-        """Extent of each particle without its path, with how far a collider may move it."""
-        if parts.motion is None:
-            return self._base
-        move = min(most_move(parts.motion, 0, parts.table), self._matter.radius.max())
-        base = np.where(self._base > 0.0, self._base + move, 0.0)
-        if parts.rules.sweep is None:
-            self._extent[:] = base
-            self._bounds[:, LARGEST] = base.max(initial=0.0)
-        return base
+        """Find the particles that end inside a collider; how many there are."""
+        if len(parts.table) == 0:
+            return 0
+        share(find_bounces, threads, parts.grid, parts.rules, parts.table, parts.poses,
+              parts.motion, self._matter.radius, parts.x, parts.v, candidates, self._bounced,
+              self._bounces)
+        return int(self._bounces[:, 0].sum())
 
     def forget(self):
         """Forget the impulses of the last step."""

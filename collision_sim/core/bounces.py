@@ -13,65 +13,70 @@
 # limitations under the License.
 
 """
-Who collides with a collider, though nobody is near it: it may be thrown back onto somebody.
+Which particles end a step inside a collider: it may throw or push them onto somebody.
 
-Only where paths end: paths that are swept are near whatever a collider may throw them back onto.
 Meshes are left out.
 """
 
 from collision_sim.core.blocks import clear_if_finite, clear_of_others, collect, TILE
+from collision_sim.core.detection import end_distance
 from collision_sim.core.jit import entry, kernel
 from collision_sim.core.lines import in_lines
+from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.motion import point_velocity, START
 from collision_sim.core.pairs import column
-from collision_sim.core.rules import NONE, ROUNDING
-from collision_sim.core.shapes import signed_distance
+from collision_sim.core.rules import Here, NONE, ROUNDING
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
-from collision_sim.core.vectors import dot, largest, subtract
+from collision_sim.core.vectors import add_scaled, dot, largest, subtract
 import numpy as np
 
 
 @kernel
-def _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i):
+def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers):
     """Whether particle i ends inside a collider that it approaches at the start of the step."""
-    end, velocity, place = min(1, poses.shape[0] - 1), column(v, i), column(centre, i)
+    here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], None, answers, None)
+    x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
+    x1 = add_scaled(x0, rules.flight.dt, u)
     for c in range(table.shape[0]):
-        phi, n = signed_distance(rules.present, table, poses, end, c, place)
-        if phi < radius[i]:
-            obj = point_velocity(motion, poses, 0, START, 0, c, column(x, i))
-            least = ROUNDING * (largest(velocity) + largest(obj)
-                                + largest(column(candidates.u, i)))
+        gap, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, c, x0, x1)
+        if gap < 0.0:
+            obj = point_velocity(motion, poses, 0, START, 0, c, x0)
+            least = ROUNDING * (largest(velocity) + largest(obj) + largest(u))
             if dot(n, subtract(velocity, obj)) < -least:
                 return True
     return False
 
 
 @kernel
-def _find_in_block(grid, rules, table, poses, motion, radius, centre, x, v, candidates, block,
-                   bounced, clear, cells, chosen, touching):
+def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced,
+                   ends, clear, cells, chosen, touching, answers):
     """List those of a block that touch a collider; how many there are, and how many bounce."""
     first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
-    found = bouncing = 0
+    found, bouncing, dt, u = 0, 0, rules.flight.dt, candidates.u
     for a in range(first, last, TILE):
         b = min(a + TILE, last)
-        tile, xt, yt, zt = clear[:b - a], centre[0][a:b], centre[1][a:b], centre[2][a:b]
+        xt, yt, zt, tile = ends[0, :b - a], ends[1, :b - a], ends[2, :b - a], clear[:b - a]
+        for k in range(b - a):
+            xt[k] = x[0, a + k] + dt * u[0, a + k]
+            yt[k] = x[1, a + k] + dt * u[1, a + k]
+            zt[k] = x[2, a + k] + dt * u[2, a + k]
         clear_if_finite(xt, yt, zt, tile)
         clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
                         radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
-            bounces = _bounces(rules, table, poses, motion, radius, centre, x, v, candidates, i)
+            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers)
             bounced[first + found] = i if bounces else -1 - i
             found, bouncing = found + 1, bouncing + bounces
     return found, bouncing
 
 
 @entry
-def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, centre, x, v,
-                 candidates, bounced, counts):
+def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x, v, candidates,
+                 bounced, counts):
     """
-    Find the particles that collide with a collider where their candidates end.
+    Find the particles whose candidates end inside a collider.
 
     Parameters
     ----------
@@ -81,8 +86,6 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, ce
         As in stepping.step_blocks.
     radius : (N,) float64 [m]
         Of the particles.
-    centre : (3, N) float64 [m]
-        Where their candidates end.
     x, v, candidates
         As in candidates.py.
     bounced, counts : (N,) int32, (blocks, 2) int64
@@ -90,14 +93,15 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, ce
         how many. Those that do not approach it are written as -1 - i; how many do comes second.
 
     """
-    clear, cells = in_lines(TILE), in_lines(TILE)
+    clear, cells, ends = in_lines(TILE), in_lines(TILE), np.empty((3, TILE))
+    answers = keep_answers(rules.present.meshes, table)
     chosen, touching = np.empty(table.shape[0], dtype=np.int64), np.empty(BLOCK, dtype=np.int64)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
     while block < counts.shape[0]:
         counts[block, 0], counts[block, 1] = _find_in_block(
-            grid, rules, table, poses, motion, radius, centre, x, v, candidates, block, bounced,
-            clear, cells, chosen, touching)
+            grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced, ends,
+            clear, cells, chosen, touching, answers)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

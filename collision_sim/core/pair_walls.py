@@ -238,7 +238,7 @@ def _is_in_contact(stage, i):
 
 
 @kernel
-def _lead(stage, i, v, u, base):
+def lead(stage, i, v, u, base):
     """Give particle i other velocities, without an account, and another place in the grid."""
     moved, dt = stage.moved, stage.rules.flight.dt
     put(stage.v, i, v)
@@ -315,11 +315,11 @@ def list_thrown(stage, base, bounced, bounces, answers):
             put_at(after, size, 3, u)
             size += 1
     for k in range(size):
-        _lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
+        lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
     for k in range(size):
         kept[k] = kept[k] or _meets_somebody(stage, struck[k])
     for k in range(size):
-        _lead(stage, struck[k], at(before, k, 0), at(before, k, 3), base[struck[k]])
+        lead(stage, struck[k], at(before, k, 0), at(before, k, 3), base[struck[k]])
     for k in range(size):
         if kept[k]:
             look_at_walls(stage, struck[k], answers)

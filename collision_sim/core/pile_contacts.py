@@ -34,6 +34,7 @@ from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled,
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
 IN_CONTACT, MET_ANEW = -2, -3   # marks of a pair that is in contact, instead of a round
+CARRIES, PUSHES_OUT = 0, 1      # what a collider does to a particle: on it, or inside it
 HOT = 1                 # mark of a particle whose contacts are solved again
 
 
@@ -186,6 +187,7 @@ def _support(stage, here, x0, c, gap, n, size, count):
     put_at(pile.bodies, size, KEPT, last)
     pile.bodies[size, INVERSE] = 0.0
     _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
+    pile.source[count] = PUSHES_OUT if depth > 0.0 else CARRIES
     return size + 1, count + 1
 
 

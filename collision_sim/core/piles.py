@@ -40,6 +40,7 @@ Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.
 """
 
+from collision_sim.core.around import find_around
 from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLOURED, CONTACTS,
                                                ENDING, FREE, GROUPS, IMPULSE, INVERSE, KEPT,
                                                KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL, PAIRS,
@@ -48,38 +49,30 @@ from collision_sim.core.detection import end_distance
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.joint import make_room, MOST, restrain, settle_group
-from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, kinetic
+from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.motion import chord_velocity
 from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pair_walls import AT_WALL, here_of, LISTED
-from collision_sim.core.pairs import (can_meet, column, DRIFT, end_normal, FIRST, HEAD, NEAR,
-                                      put, SECOND)
-from collision_sim.core.pile_contacts import (body_of, HOT, IN_CONTACT, list_pairs, list_supports,
-                                              MET_ANEW, remember, SUPPORT_REACH)
+from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED
+from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
+                                      HEAD, NEAR, put, SECOND)
+from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
+                                              list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
-from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, NONE, ROUNDING, SLIDE,
-                                      STICK)
+from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_REPULSION, NONE,
+                                      REPULSION, ROUNDING, SLIDE, STICK)
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+import numpy as np
 
 AGAIN = 32              # times that the stage is run at most
 MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
-COLD, WARM = 0, 2       # marks of particles beside HOT: nothing, too many to run again
+COLD, WARM, PUSHED = 0, 2, 3    # marks beside HOT: nothing, too many to run again, by a collider
 DEEP = 1e-5             # share of a radius: who is pushed deeper into somebody else meets him anew
-
-
-@kernel
-def _book(ledger, dt, i, before, after, shift):
-    """Book a change of the end velocity and a shift of the place as those of inner forces."""
-    if ledger is not None:
-        here, pull = account_of(i // BLOCK, i), dot(ledger.gravity, shift)
-        book(ledger, here, GRAVITY, pull)
-        book(ledger, here, INTERNAL, kinetic(before, after) - pull)
 
 
 @inlined
@@ -90,8 +83,8 @@ def _mean_impulse(part, pile, c):
 
 
 @kernel
-def _hand_on(ledger, part, dt, candidates, pile, bodies, pairs):
-    """Add the impulses between particles to the candidates, and to what the bodies had."""
+def _hand_on(part, candidates, pile, bodies, pairs):
+    """Add the impulses between particles to the candidates."""
     for a in range(bodies):
         i = pile.particle[a]
         put_at(pile.bodies, a, MEAN, column(candidates.u, i))
@@ -103,12 +96,62 @@ def _hand_on(ledger, part, dt, candidates, pile, bodies, pairs):
     for a in range(bodies):
         i = pile.particle[a]
         candidates.settled[i] = 1
-        u, w = at(pile.bodies, a, MEAN), at(pile.bodies, a, ENDING)
-        _book(ledger, dt, i, column(candidates.w, i), w,
-              scaled(dt, subtract(u, column(candidates.u, i))))
-        put(candidates.u, i, u)
-        put(candidates.w, i, w)
+        put(candidates.u, i, at(pile.bodies, a, MEAN))
+        put(candidates.w, i, at(pile.bodies, a, ENDING))
         pile.body[i] = NONE
+
+
+@inlined
+def _half_way(pile, a):
+    """Mean [m/s] of the end velocities of a body before and after all impulses."""
+    return scaled(0.5, add_scaled(at(pile.bodies, a, FREE), 1.0, at(pile.bodies, a, ENDING)))
+
+
+@kernel
+def _book_between(stage, ledger, c):
+    """Book the impulse of contact c between two particles, and that it shifts their places."""
+    pile, dt, impulse = stage.pile, stage.rules.flight.dt, at(stage.pile.contacts, c, IMPULSE)
+    mean = _mean_impulse(stage.pair_rules.part, pile, c)
+    for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
+        a = pile.ends[c, end]
+        i, share = pile.particle[a], sign * pile.bodies[a, INVERSE]
+        here, pull = account_of(i // BLOCK, i), dt * share * dot(ledger.gravity, mean)
+        book(ledger, here, GRAVITY, pull)
+        book(ledger, here, INTERNAL, share * dot(impulse, _half_way(pile, a)) - pull)
+
+
+@kernel
+def _book_support(stage, ledger, here, c):
+    """Book the impulse of a support on a particle, and that it shifts its place."""
+    pile, collider = stage.pile, stage.pile.ends[c, LAW_ROW]
+    a = pile.ends[c, FIRST]
+    inverse = pile.bodies[a, INVERSE]
+    dw = scaled(inverse, at(pile.contacts, c, IMPULSE))
+    du = scaled(inverse, _mean_impulse(stage.pair_rules.part, pile, c))
+    work = dot(dw, at(pile.bodies, pile.ends[c, SECOND], MEAN))
+    pull = stage.rules.flight.dt * dot(ledger.gravity, du)
+    book_impulse(ledger, here, collider, work, dw)
+    book(ledger, here, GRAVITY, pull)
+    book(ledger, here, LOST_IN_CONTACT, dot(dw, _half_way(pile, a)) - pull - work)
+
+
+@kernel
+def _book(stage, ledger, bodies, pairs, contacts):
+    """
+    Book all impulses: each does the work that it does on the way from the end velocity before all.
+
+    So the impulses between particles bring no energy, though that of one alone would.
+    """
+    if ledger is not None:
+        pile = stage.pile
+        for a in range(bodies):
+            put_at(pile.bodies, a, ENDING, column(stage.candidates.w, pile.particle[a]))
+        for c in range(pairs):
+            _book_between(stage, ledger, c)
+        for c in range(pairs, contacts):
+            if _presses(pile, c):
+                i = pile.particle[pile.ends[c, FIRST]]
+                _book_support(stage, ledger, account_of(i // BLOCK, i), c)
 
 
 @inlined
@@ -131,26 +174,22 @@ def _state(dry, laws, pile, c):
 
 
 @kernel
-def _lean(stage, ledger, dry, here, pile, c):
-    """Add the impulses of a support to the candidate of a particle, and book and log them."""
+def _lean(stage, dry, here, pile, c):
+    """Add the impulses of a support to the candidate of a particle, and log them."""
     i, part = here.particle, stage.pair_rules.part
     inverse = pile.bodies[pile.ends[c, FIRST], INVERSE]
-    collider, n, dt = pile.ends[c, LAW_ROW], at(pile.contacts, c, NORMAL), stage.rules.flight.dt
-    candidates = stage.candidates
+    candidates, dt = stage.candidates, stage.rules.flight.dt
     dw, du = scaled(inverse, at(pile.contacts, c, IMPULSE)), scaled(
         inverse, _mean_impulse(part, pile, c))
-    w, u = column(candidates.w, i), add_scaled(column(candidates.u, i), 1.0, du)
-    after, obj = add_scaled(w, 1.0, dw), at(pile.bodies, pile.ends[c, SECOND], MEAN)
+    u = add_scaled(column(candidates.u, i), 1.0, du)
     put(candidates.u, i, u)
-    put(candidates.w, i, after)
-    record(stage.log, stage.accounts, here, collider, _state(dry, stage.pair_rules.laws, pile, c),
-           add_scaled(column(stage.x, i), dt, u), n, dw)
-    stage.accounts[here.block, N_CONTACT] += 1
-    if ledger is not None:
-        pull, work = dt * dot(ledger.gravity, du), dot(dw, obj)
-        book_impulse(ledger, here, collider, work, dw)
-        book(ledger, here, GRAVITY, pull)
-        book(ledger, here, LOST_IN_CONTACT, kinetic(w, after) - pull - work)
+    put(candidates.w, i, add_scaled(column(candidates.w, i), 1.0, dw))
+    state, counter = REPULSION, N_REPULSION
+    if pile.source[c] == CARRIES:
+        state, counter = _state(dry, stage.pair_rules.laws, pile, c), N_CONTACT
+    record(stage.log, stage.accounts, here, pile.ends[c, LAW_ROW], state,
+           add_scaled(column(stage.x, i), dt, u), at(pile.contacts, c, NORMAL), dw)
+    stage.accounts[here.block, counter] += 1
 
 
 @kernel
@@ -181,45 +220,82 @@ def _is_at_wall(stage, i, answers):
 
 
 @inlined
-def _may_be_pushed(stage, i):
-    """Whether a collider may push particle i, whose collisions with colliders are answered."""
+def _is_pushed(stage, i):
+    """Whether colliders may push particle i, and nothing else is to be done with them before."""
     near = stage.meetings.states[i, NEAR]
-    return near == AT_WALL or near == LISTED or near == 0.0 and (
-        stage.rules.sweep is not None or stage.rules.present.meshes is not None)
+    return (near == AT_WALL or near == LISTED) and stage.matter.inverse[i] > 0.0 and (
+        stage.pile.body[i] == NONE and stage.meetings.heat[i] != PUSHED)
 
 
 @kernel
-def _where_pushed(stage, i, answers):
-    """As `_pushed`, if a collider may push particle i."""
-    if _may_be_pushed(stage, i):
-        return _pushed(stage, i, answers)
-    end = add_scaled(column(stage.x, i), stage.rules.flight.dt, column(stage.candidates.u, i))
-    return 0.0, end
+def _find_pushed(stage, bounced, bounces, answers):
+    """Find those that end inside a collider and are no bodies; how many, and their velocities."""
+    meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
+    most = 2 * meetings.size[0]
+    for block in range(bounces.shape[0]):
+        most += bounces[block, 0]
+    velocities = np.empty((most, 6))
+    for block in range(-1, bounces.shape[0]):
+        count = 2 * meetings.size[0] if block < 0 else bounces[block, 0]
+        for k in range(count):
+            if block < 0:
+                i = meetings.ends[k >> 1, k & 1]
+            else:
+                i = max(bounced[block * BLOCK + k], -1 - bounced[block * BLOCK + k])
+            if _is_pushed(stage, i):
+                depth, place = _pushed(stage, i, answers)
+                if depth > DEEP * stage.matter.radius[i]:
+                    put_at(velocities, size, 0, column(stage.candidates.u, i))
+                    put_at(velocities, size, 3, scaled(1.0 / dt, subtract(
+                        place, column(stage.x, i))))
+                    meetings.struck[size], meetings.heat[i] = i, PUSHED
+                    size += 1
+    return size, velocities
 
 
 @kernel
-def _list_at_walls(stage, bodies, answers):
-    """List those that a collider is going to push onto somebody; how many bodies then."""
-    meetings, pile, matter = stage.meetings, stage.pile, stage.matter
-    for p in range(meetings.size[0]):
-        i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
-        if (_may_be_pushed(stage, i) or _may_be_pushed(stage, j)) and can_meet(matter, i, j):
-            deep_i, xi = _where_pushed(stage, i, answers)
-            deep_j, xj = _where_pushed(stage, j, answers)
-            if length(subtract(xi, xj)) < matter.radius[i] + matter.radius[j]:
-                for one, depth in ((i, deep_i), (j, deep_j)):
-                    if depth > DEEP * matter.radius[one] and matter.inverse[one] > 0.0 and (
-                            pile.body[one] == NONE and 2 * bodies < pile.bodies.shape[0]):
-                        _, bodies = body_of(pile, bodies, stage.candidates, matter.inverse, one)
+def _overlaps_somebody(stage, i):
+    """Whether particle i ends in another one."""
+    find_around(stage.cells, stage.moved, i)
+    radius = stage.matter.radius
+    for k in range(stage.moved.size[1]):
+        j = stage.moved.found[k]
+        apart = length(apart_at_end(stage.rules.flight.dt, stage.x, stage.candidates, i, j))
+        if apart < radius[i] + radius[j] and can_meet(stage.matter, i, j):
+            return True
+    return False
+
+
+@kernel
+def _list_pushed(stage, bodies, base, bounced, bounces, answers):
+    """
+    List those that colliders push onto somebody; how many bodies then.
+
+    All are led to where they are pushed, so that two that are pushed onto each other find each
+    other, and back.
+    """
+    meetings, pile, struck = stage.meetings, stage.pile, stage.meetings.struck
+    size, velocities = _find_pushed(stage, bounced, bounces, answers)
+    for k in range(size):
+        i = struck[k]
+        lead(stage, i, column(stage.v, i), at(velocities, k, 3), base[i])
+    for k in range(size):
+        meetings.heat[struck[k]] = _overlaps_somebody(stage, struck[k])
+    for k in range(size):
+        i = struck[k]
+        lead(stage, i, column(stage.v, i), at(velocities, k, 0), base[i])
+        if meetings.heat[i] and 2 * bodies < pile.bodies.shape[0]:
+            _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+        meetings.heat[i] = COLD
     return bodies
 
 
 @kernel
-def _list(stage, again, numbers, answers):
+def _list(stage, base, bounced, bounces, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
     if not again:
-        bodies = _list_at_walls(stage, bodies, answers)
+        bodies = _list_pushed(stage, bodies, base, bounced, bounces, answers)
     size, contacts = bodies, pairs
     if bodies > 0:
         size, contacts = list_supports(stage, bodies, pairs, answers)
@@ -386,12 +462,11 @@ def _end(stage, dry, base, again, numbers, answers):
     remember(stage, contacts, bodies, again)
     for a in range(bodies):
         put_at(pile.bodies, a, KEPT, column(stage.candidates.u, pile.particle[a]))
-    _hand_on(stage.ledger, stage.pair_rules.part, stage.rules.flight.dt, stage.candidates, pile,
-             bodies, pairs)
+    _hand_on(stage.pair_rules.part, stage.candidates, pile, bodies, pairs)
     for c in range(pairs, contacts):
         if _presses(pile, c):
-            _lean(stage, stage.ledger, dry,
-                  here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
+            _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
+    _book(stage, stage.ledger, bodies, pairs, contacts)
     numbers[MET] = _count_met(stage, bodies, base, answers)
     if numbers[MET] > 0:
         for p in range(stage.meetings.size[0]):
@@ -400,7 +475,7 @@ def _end(stage, dry, base, again, numbers, answers):
 
 
 @entry
-def settle(posted, counters, work, stage, dry, wet, base, again):
+def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, again):
     """
     Run the contact stage between particles.
 
@@ -416,6 +491,8 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
         1 if pairs or colliders have such friction.
     base : (N,) float64 [m]
         Extent of each particle without its path.
+    bounced, bounces
+        Of bounces.find_bounces.
     again : bool
         Whether it has been run in this step before.
 
@@ -427,7 +504,7 @@ def settle(posted, counters, work, stage, dry, wet, base, again):
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     if fetch_add(progress, 0, 1) == 0:
-        _list(stage, again, numbers, answers)
+        _list(stage, base, bounced, bounces, again, numbers, answers)
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)

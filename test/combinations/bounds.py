@@ -171,7 +171,9 @@ def balls_keep_apart(case, run, random):
 
     And none goes through another one: with `trajectory` their centres pass each other at no less
     than nine tenths of the sum of the radii, on the relative chord of a step. A ball that is held
-    between colliders, or that colliders press on from two sides, has no other place.
+    between colliders, or that colliders press on from two sides, has no other place. Nothing that
+    a ball does moves one of infinite mass: two of these do not collide, and a collider that pushes
+    one pushes it through others.
     """
     if 'pairs' not in case['scene'] or 'springs' in case['scene']:
         return None
@@ -187,7 +189,7 @@ def balls_keep_apart(case, run, random):
                 before, after = step.x0[i] - step.x0[j], step.x[i] - step.x[j]
                 if np.linalg.norm(before) < together - OVERLAP * least:
                     continue
-                if not _has_room(case, step, (i, j)):
+                if not _has_room(case, step, (i, j)) or _is_forced(case, step, (i, j)):
                     continue
                 overlap = together - np.linalg.norm(after)
                 if overlap > 1.5 * OVERLAP * least:
@@ -208,6 +210,14 @@ def _has_room(case, step, balls):
         size = each(case, 'radius', 0.0)
         near += any(after[i] < 0.5 * size[i] for i in balls)
     return near < 2 and len(step.x) < 4
+
+
+def _is_forced(case, step, balls):
+    """Whether two balls are of infinite mass, or one is that a collider pushes."""
+    heavy = [i for i in balls if np.isinf(each(case, 'mass', 1.0)[i])]
+    return len(heavy) == 2 or any(
+        (step.gaps[c][:, i] < 0.5 * each(case, 'radius', 0.0)[i]).any()
+        for i in heavy for c in range(len(step.scene.colliders)))
 
 
 def _between(step):
