@@ -379,3 +379,15 @@ def test_sweep_margin():
         angles = np.linspace(0.0, angle, 500)
         way = np.abs(2.0 * np.sin(0.5 * angles)).max() * np.linalg.norm(corner)
         assert 5.0 + way <= margin(1, motion, bar) <= 5.0 + 2.0 * 1.2
+
+
+@pytest.mark.parametrize('bend', [0.0, 5e-324, 1e-300, 1e-40, 1e-17, 1e-16, 3e-16, 1e-8, 2.0])
+@pytest.mark.parametrize('slope', [-1.0, -0.3, 0.0, 0.4])
+def test_safe_step_where_next_to_nothing_bends(slope, bend):
+    """It is the root of f + slope h - bend h^2 / 2, of which a small bend loses no digits."""
+    f, step = 0.25, trajectory.safe_step(0.25, slope, bend, 0.0)
+    if bend == 0.0 and slope >= 0.0:
+        assert step == NEVER
+    elif step < 1e100:
+        assert f + slope * step - 0.5 * bend * step * step == pytest.approx(0.0, abs=1e-14 * (
+            f + abs(slope) * step))

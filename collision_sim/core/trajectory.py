@@ -99,10 +99,16 @@ def path_distance(present, table, poses, row, c, radius, arm, move, axis, angle,
 
 @inlined
 def safe_step(f, slope, bend, touching):
-    """Time for which f stays above -touching where it bends down by at most `bend`."""
-    if bend > 0.0:
-        return (slope + sqrt(slope * slope + 2.0 * bend * max(f + touching, 0.0))) / bend
-    return NEVER if slope >= 0.0 else max(f + touching, 0.0) / -slope
+    """
+    Time for which f stays above -touching where it bends down by at most `bend`.
+
+    In the form of the root that subtracts nothing: `bend` may be as small as rounding.
+    """
+    room = max(f + touching, 0.0)
+    root = sqrt(slope * slope + 2.0 * bend * room)
+    if slope < 0.0:
+        return 2.0 * room / (root - slope)
+    return (slope + root) / bend if bend > 0.0 else NEVER
 
 
 @kernel
