@@ -228,13 +228,9 @@ def _is_pushed(stage, i):
 
 
 @kernel
-def _find_pushed(stage, bounced, bounces, answers):
-    """Find those that end inside a collider and are no bodies; how many, and their velocities."""
+def _find_pushed(stage, bounced, bounces, velocities, answers):
+    """Find those that end inside a collider and are no bodies, and their velocities; how many."""
     meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
-    most = 2 * meetings.size[0]
-    for block in range(bounces.shape[0]):
-        most += bounces[block, 0]
-    velocities = np.empty((most, 6))
     for block in range(-1, bounces.shape[0]):
         count = 2 * meetings.size[0] if block < 0 else bounces[block, 0]
         for k in range(count):
@@ -250,7 +246,7 @@ def _find_pushed(stage, bounced, bounces, answers):
                         place, column(stage.x, i))))
                     meetings.struck[size], meetings.heat[i] = i, PUSHED
                     size += 1
-    return size, velocities
+    return size
 
 
 @kernel
@@ -275,7 +271,11 @@ def _list_pushed(stage, bodies, base, bounced, bounces, answers):
     other, and back.
     """
     meetings, pile, struck = stage.meetings, stage.pile, stage.meetings.struck
-    size, velocities = _find_pushed(stage, bounced, bounces, answers)
+    most = 2 * meetings.size[0]
+    for block in range(bounces.shape[0]):
+        most += bounces[block, 0]
+    velocities = np.empty((most, 6))
+    size = _find_pushed(stage, bounced, bounces, velocities, answers)
     for k in range(size):
         i = struck[k]
         lead(stage, i, column(stage.v, i), at(velocities, k, 3), base[i])
