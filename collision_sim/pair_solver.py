@@ -20,6 +20,7 @@ from collision_sim.core.bounces import find_bounces
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.jit import bound
+from collision_sim.core.motion import MOTION
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
 from collision_sim.core.pair_collisions import collide_all
@@ -27,7 +28,7 @@ from collision_sim.core.pair_memory import Memory
 from collision_sim.core.pair_walls import make_walls, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
-from collision_sim.core.rules import CHECKS, N_UNDECIDED, NONE
+from collision_sim.core.rules import CHECKS, LOG, N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import prepare, share
 from collision_sim.tables import collider_table, pair_row
@@ -59,10 +60,10 @@ class PairSolver:
                               1.0 / _each(scene.particles.mass, count))
         self._centre, self._extent = np.empty((3, count)), np.empty(count)
         self._bounds = np.empty((-(-count // BLOCK), BOUNDS))
-        self._bounced = np.empty(count, dtype=np.int32)
+        self._bounced = np.empty(count, dtype=np.int64)
         self._bounces = np.zeros((len(self._bounds), 2), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
-        self._cells = None
+        self._cells, self._still = None, np.zeros((1, 0, MOTION))
         self._meetings, self._walls = make_meetings(0, count), make_walls(0)
         self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
@@ -122,10 +123,12 @@ class PairSolver:
         if needed > len(self._meetings.ends):
             self._make_room(2 * needed)
         self._meetings.size[0] = pairs
-        stage = Stage(rules._replace(checks=CHECKS, planes=None), self._rules, self._matter,
-                      self._meetings, self._memory, self._cells, self._moved, self._pile,
-                      self._walls, candidates, parts.table, parts.poses, parts.motion, parts.log,
-                      parts.accounts, parts.ledger, parts.x, parts.v)
+        stage = Stage(
+            _answered_singly(rules), self._rules, self._matter, self._meetings, self._memory,
+            self._cells, self._moved, self._pile, self._walls, candidates, parts.table,
+            parts.poses, self._motion_of(parts), parts.log if parts.log is not None else np.empty(
+                (len(parts.accounts), 0, LOG)), parts.accounts, parts.ledger, parts.x, parts.v,
+            parts.motion is not None)
         self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
@@ -152,10 +155,18 @@ class PairSolver:
         """Find the particles that end inside a collider; how many there are."""
         if len(parts.table) == 0:
             return 0
-        share(find_bounces, threads, parts.grid, parts.rules, parts.table, parts.poses,
-              parts.motion, self._matter.radius, parts.x, parts.v, candidates, self._bounced,
-              self._bounces)
+        share(find_bounces, threads, parts.grid, _answered_singly(parts.rules), parts.table,
+              parts.poses, self._motion_of(parts), self._matter.radius, parts.x, parts.v,
+              candidates, self._bounced, self._bounces)
         return int(self._bounces[:, 0].sum())
+
+    def _motion_of(self, parts):
+        """Motion of the colliders in a step; zero where none moves."""
+        if parts.motion is not None:
+            return parts.motion
+        if len(self._still[0]) != len(parts.table):
+            self._still = np.zeros((1, len(parts.table), MOTION))
+        return self._still
 
     def forget(self):
         """Forget the impulses of the last step."""
@@ -174,7 +185,7 @@ class PairSolver:
         old, known = self._memory, self._memory.size[0]
         self._memory = Memory(
             old.size, np.empty((contacts, 2), dtype=np.int64), np.empty((contacts, 3)),
-            np.empty(contacts, dtype=np.int32), old.head)
+            np.empty(contacts, dtype=np.int64), old.head)
         for before, now in zip(old[1:4], self._memory[1:4]):
             now[:known] = before[:known]
 
@@ -197,9 +208,14 @@ class PairSolver:
             share(find_near, threads, pieces, self._cells, self._near)
 
 
+def _answered_singly(rules):
+    """Rules of a step with a collision stage, whose particles are answered one by one."""
+    return rules._replace(checks=CHECKS, planes=None)
+
+
 def _nobody(count):
     """Give NONE for each of a number of particles."""
-    return np.full(count, NONE, dtype=np.int32)
+    return np.full(count, NONE, dtype=np.int64)
 
 
 def _each(value, count):

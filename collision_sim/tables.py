@@ -26,7 +26,8 @@ from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import SCRIPT
 from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
-from collision_sim.core.shapes import COLUMNS, KIND, Present, RESTITUTION, SHAPES, SIZE
+from collision_sim.core.shapes import (BOX, COLUMNS, CYLINDER, KIND, Present, RESTITUTION, SHAPES,
+                                       SIDE, SIZE)
 from collision_sim.scene import Drag
 import numpy as np
 
@@ -75,7 +76,8 @@ def step_rules(scene, table, meshes):
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
     present = Present(*(_used(table[:, KIND] == kind) for kind in SHAPES.values()))
-    present = present._replace(meshes=meshes)
+    faced = np.isin(table[:, KIND], (BOX, CYLINDER)) & (table[:, SIDE] > 0.0)
+    present = present._replace(meshes=meshes, faced=_used(faced))
     once = stepping.method == 'single_pass'
     return Rules(
         flight, present, dry=_used(f.static is not None for f in frictions),

@@ -39,10 +39,10 @@ class Moved(NamedTuple):
     Particles with another candidate than in the grid: scratch.
 
     centre (3, N), extent (N,) [m]: of all particles, and where they are now; head (slots + 1,)
-    int32: the last one in each slot of level 0, and in the list of those that fly far; behind
-    (N,) int32: of each the one before; slot (N,) int32: that it is in, NONE for who is found where
-    the grid has it; away (N,) [m]: how far it has moved at most; who (N,) int32: those that have;
-    found (N,) int32: who is near; size (5,) int64: how many have moved, how many are found, how
+    int64: the last one in each slot of level 0, and in the list of those that fly far; behind
+    (N,) int64: of each the one before; slot (N,) int64: that it is in, NONE for who is found where
+    the grid has it; away (N,) [m]: how far it has moved at most; who (N,) int64: those that have;
+    found (N,) int64: who is near; size (5,) int64: how many have moved, how many are found, how
     often was looked, levels of the grid, how many are in slots; seen (N,) int64: in which look a
     particle was found last.
     """
@@ -62,10 +62,10 @@ class Moved(NamedTuple):
 def make_moved(centre, extent, slots):
     """Allocate it for the centres and extents of all particles and a number of slots."""
     count = len(extent)
-    return Moved(centre, extent, np.full(slots + 1, NONE, dtype=np.int32),
-                 np.empty(count, dtype=np.int32), np.full(count, NONE, dtype=np.int32),
-                 np.zeros(count), np.empty(count, dtype=np.int32),
-                 np.empty(count, dtype=np.int32), np.zeros(5, dtype=np.int64),
+    return Moved(centre, extent, np.full(slots + 1, NONE, dtype=np.int64),
+                 np.empty(count, dtype=np.int64), np.full(count, NONE, dtype=np.int64),
+                 np.zeros(count), np.empty(count, dtype=np.int64),
+                 np.empty(count, dtype=np.int64), np.zeros(5, dtype=np.int64),
                  np.zeros(count, dtype=np.int64))
 
 
@@ -180,7 +180,7 @@ def _test_rows(cells, moved, i, way, first, last):
         dx, dy, dz = rows[row, 0] - x, rows[row, 1] - y, rows[row, 2] - z
         limit = rows[row, EXTENT] + moved.extent[i] + way
         if dx * dx + dy * dy + dz * dz < limit * limit:
-            j = cells.particle[row]
+            j = int(cells.particle[row])
             if moved.slot[j] == NONE:
                 _test(moved, i, j)
 
@@ -257,9 +257,8 @@ def find_around(cells, moved, i):
     moved.size[2] += 1
     if not moved.extent[i] < inf:
         return
-    for k in range(moved.size[3]):
+    for n in range(moved.size[3] + 1):
+        k = n if n < moved.size[3] else POINTS
         if cells.levels[k, SLOTS] > 0:
             _look_in(cells, moved, k, i)
-    if cells.levels[POINTS, SLOTS] > 0:
-        _look_in(cells, moved, POINTS, i)
     _test_lists(moved, i, moved.head.shape[0] - 1, moved.head.shape[0])

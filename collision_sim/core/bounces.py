@@ -33,9 +33,9 @@ import numpy as np
 
 
 @kernel
-def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers):
+def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers, one):
     """Whether particle i ends inside a collider that it approaches at the start of the step."""
-    here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], None, answers, None)
+    here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], None, answers, one)
     x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
     x1 = add_scaled(x0, rules.flight.dt, u)
     for c in range(table.shape[0]):
@@ -50,7 +50,7 @@ def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers):
 
 @kernel
 def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced,
-                   ends, clear, cells, chosen, touching, answers):
+                   ends, clear, cells, chosen, touching, answers, one):
     """List those of a block that touch a collider; how many there are, and how many bounce."""
     first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
     found, bouncing, dt, u = 0, 0, rules.flight.dt, candidates.u
@@ -66,7 +66,8 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
                         radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
-            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers)
+            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers,
+                               one)
             bounced[first + found] = i if bounces else -1 - i
             found, bouncing = found + 1, bouncing + bounces
     return found, bouncing
@@ -88,13 +89,13 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
         Of the particles.
     x, v, candidates
         As in candidates.py.
-    bounced, counts : (N,) int32, (blocks, 2) int64
+    bounced, counts : (N,) int64, (blocks, 2) int64
         Written: of each block of particles those that touch a collider, from its first on, and
         how many. Those that do not approach it are written as -1 - i; how many do comes second.
 
     """
     clear, cells, ends = in_lines(TILE), in_lines(TILE), np.empty((3, TILE))
-    answers = keep_answers(rules.present.meshes, table)
+    answers, one = keep_answers(rules.present.meshes, table), np.zeros(1, dtype=np.int64)
     chosen, touching = np.empty(table.shape[0], dtype=np.int64), np.empty(BLOCK, dtype=np.int64)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
@@ -102,6 +103,6 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
     while block < counts.shape[0]:
         counts[block, 0], counts[block, 1] = _find_in_block(
             grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced, ends,
-            clear, cells, chosen, touching, answers)
+            clear, cells, chosen, touching, answers, one)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

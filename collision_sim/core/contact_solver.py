@@ -63,11 +63,11 @@ class Pile(NamedTuple):
     """
     The contacts of a step: scratch.
 
-    bodies (B, BODY); particle (B,) int32; ends (C, ENDS) int32; contacts (C, CONTACT); body (N,)
-    int32: of each particle, NONE without contacts; used (B,) int64: colours of a body, as bits, or
+    bodies (B, BODY); particle (B,) int64; ends (C, ENDS) int64; contacts (C, CONTACT); body (N,)
+    int64: of each particle, NONE without contacts; used (B,) int64: colours of a body, as bits, or
     what groups.py makes of it; colour (C,) int8: NONE for contacts of small groups; order (C,)
-    int32: contacts by colour; changes (pieces, 2): of the pieces of a sweep, as `totals` of the
-    sweeps; label (B,), group (C + 1,), member (C,) int32: of groups.py; source (C,) int32, work
+    int64: contacts by colour; changes (pieces, 2): of the pieces of a sweep, as `totals` of the
+    sweeps; label (B,), group (C + 1,), member (C,) int64: of groups.py; source (C,) int64, work
     (B,) [J/kg]: of pair_collisions.py.
     """
 
@@ -114,7 +114,7 @@ def make_pile(bodies, contacts, body):
     ----------
     bodies, contacts : int
         At most.
-    body : (N,) int32
+    body : (N,) int64
         NONE for each particle.
 
     Returns
@@ -122,12 +122,12 @@ def make_pile(bodies, contacts, body):
     Pile
 
     """
-    return Pile(np.empty((bodies, BODY)), np.empty(bodies, dtype=np.int32),
-                np.empty((contacts, ENDS), dtype=np.int32), np.empty((contacts, CONTACT)), body,
+    return Pile(np.empty((bodies, BODY)), np.empty(bodies, dtype=np.int64),
+                np.empty((contacts, ENDS), dtype=np.int64), np.empty((contacts, CONTACT)), body,
                 np.empty(bodies, dtype=np.int64), np.empty(contacts, dtype=np.int8),
-                np.empty(contacts, dtype=np.int32), np.empty((contacts // PIECE + COLOURS, 2)),
-                np.empty(bodies, dtype=np.int32), np.empty(contacts + 1, dtype=np.int32),
-                np.empty(contacts, dtype=np.int32), np.empty(contacts, dtype=np.int32),
+                np.empty(contacts, dtype=np.int64), np.empty((contacts // PIECE + COLOURS, 2)),
+                np.empty(bodies, dtype=np.int64), np.empty(contacts + 1, dtype=np.int64),
+                np.empty(contacts, dtype=np.int64), np.empty(contacts, dtype=np.int64),
                 np.empty(bodies))
 
 

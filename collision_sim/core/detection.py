@@ -57,8 +57,14 @@ def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
             return mesh_end(meshes, here.answers, table, poses, here.start, here.end, c,
                             here.radius, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
-    if has_faces(table, c):
-        if phi < seam_width(table, c, origin(poses, here.end, c)):
+    return _end_at_faces(rules.present.faced, rules, here, table, poses, motion, c, x0, x1, phi, n)
+
+
+@inlined
+def _end_at_faces(faced, rules, here, table, poses, motion, c, x0, x1, phi, n):
+    """Height and normal as `end_distance`, for the distance of the centre and the normal there."""
+    if faced is not None:
+        if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
             return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
     return phi - here.radius, n
 
@@ -101,18 +107,31 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
                 return tau, n, add_scaled(start, tau, move), True
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, c,
                                      here.radius, x0, dx)
-    if has_faces(table, c) and tau <= 1.0:
-        q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
-        m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
-        face = face_towards(table, c, m)
-        if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False) and (
-                not goes_through(table, poses, here, c, face, x0, x1)):
-            tau, n = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
-            return tau, n, add_scaled(start, tau, move), decided
+    if tau <= 1.0:
+        covered, later, n_later = _hit_when_covered(rules.present.faced, rules, here, table, poses,
+                                                    motion, c, x0, x1, tau, n, arm, axis, angle)
+        if covered:
+            return later, n_later, add_scaled(start, later, move), decided
     if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,
                                   here.radius, x0, dx, tau):
         tau = NEVER
     return tau, n, arm, decided
+
+
+@inlined
+def _hit_when_covered(faced, rules, here, table, poses, motion, c, x0, x1, tau, n, arm, axis,
+                      angle):
+    """Whether a face is covered where it is hit, and the time and the normal of the hit then."""
+    if faced is not None:
+        if has_faces(table, c):
+            q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
+            m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
+            face = face_towards(table, c, m)
+            if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False) and (
+                    not goes_through(table, poses, here, c, face, x0, x1)):
+                later, n_later = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
+                return True, later, n_later
+    return False, tau, n
 
 
 @kernel
@@ -132,8 +151,15 @@ def _start_depth(meshes, rules, here, table, poses, motion, c, x0):
     if meshes is not None:
         if table[c, KIND] == MESH:
             return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
-    if has_faces(table, c):
-        return _depth_in_faces(rules, here, table, poses, motion, c, x0)
+    return _depth_at_faces(rules.present.faced, rules, here, table, poses, motion, c, x0)
+
+
+@inlined
+def _depth_at_faces(faced, rules, here, table, poses, motion, c, x0):
+    """Depth as `_start_depth`, but in meshes."""
+    if faced is not None:
+        if has_faces(table, c):
+            return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
@@ -394,6 +420,15 @@ def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n
 
 
 @inlined
+def _hit_along_seam(faced, rules, here, table, poses, motion, k, x0, x1, tau, n):
+    """Time and normal of the hit of a particle that goes down along a seam."""
+    if faced is not None:
+        if has_faces(table, k):
+            return _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
+    return tau, n
+
+
+@inlined
 def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u):
     """
     Time, normal and arm of the impact with a collider on the path of the step.
@@ -424,8 +459,9 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
         return NEVER, n_end, arm, False, phi
     tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                     x1)
-    if tau > 1.0 and phi < 0.0 and has_faces(table, k):     # it goes down along a seam
-        tau, n = _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
+    if tau > 1.0 and phi < 0.0:
+        tau, n = _hit_along_seam(rules.present.faced, rules, here, table, poses, motion, k, x0, x1,
+                                 tau, n)
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         face = face_below(table, poses, here.start, k, x0, n)

@@ -64,6 +64,7 @@ from collision_sim.core.rules import (account_of, COLLISION, N_COLLISION, N_PAIR
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+import numpy as np
 
 TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
@@ -391,7 +392,7 @@ def _collide_one_by_one(stage, first, count, dry, wet, room):
         a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
         if _is_first(stage, c) and pile.used[a] >= 0 and pile.used[b] >= 0:
             pile.used[a] = pile.used[b] = NONE
-            collide_group(dry, wet, laws, pile, first + k, 1, room)
+            collide_group(dry, wet, laws, pile, first + k, min(count, 1), room)
 
 
 @kernel
@@ -504,7 +505,7 @@ def _meet_walls_of_active(stage, answers):
 
 
 @inlined
-def _begin(stage, base, bounced, bounces, answers):
+def _begin(stage, base, bounced, bounces, before, after, kept, answers):
     """List what collides to begin with."""
     meetings = stage.meetings
     meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
@@ -515,7 +516,7 @@ def _begin(stage, base, bounced, bounces, answers):
             meetings.active[meetings.size[1]] = p
             meetings.size[1] += 1
     _meet_walls_of_active(stage, answers)
-    list_thrown(stage, base, bounced, bounces, answers)
+    list_thrown(stage, base, bounced, bounces, before, after, kept, answers)
 
 
 @entry
@@ -540,7 +541,9 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
     meetings, going = stage.meetings, True
     slack = stage.rules.flight.dt * stage.pair_rules.slow
     begin_moves(stage.cells, stage.moved)
-    _begin(stage, base, bounced, bounces, answers)
+    count = stage.x.shape[1]
+    _begin(stage, base, bounced, bounces, np.empty((count, 6)), np.empty((count, 6)),
+           np.empty(count, dtype=np.int8), answers)
     turn = 0 * meetings.size[0]
     while going:
         _choose(stage)

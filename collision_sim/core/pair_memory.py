@@ -26,8 +26,8 @@ class Memory(NamedTuple):
     Contacts that pressed in the last step.
 
     size (1,) int64: how many; key (C, 2) int64: particle with the smaller index and the other one,
-    or N plus a collider; impulses (C, 3) [N s]: on the first; other (C,) int32, head
-    (N,) int32: the last one of each particle, and of each the one before.
+    or N plus a collider; impulses (C, 3) [N s]: on the first; other (C,) int64, head
+    (N,) int64: the last one of each particle, and of each the one before.
     """
 
     size: np.ndarray

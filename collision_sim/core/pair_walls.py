@@ -52,7 +52,7 @@ class Walls(NamedTuple):
     """
     Collisions with colliders that are waiting: scratch.
 
-    values (W, WALL); ends (W, 2) int32: particle and collider; size (1,) int64: how many; one (1,)
+    values (W, WALL); ends (W, 2) int64: particle and collider; size (1,) int64: how many; one (1,)
     int64: a collider by itself.
     """
 
@@ -64,7 +64,7 @@ class Walls(NamedTuple):
 
 def make_walls(most):
     """Allocate room for a number of collisions with colliders."""
-    return Walls(np.empty((most, WALL)), np.empty((most, 2), dtype=np.int32),
+    return Walls(np.empty((most, WALL)), np.empty((most, 2), dtype=np.int64),
                  np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
 
 
@@ -74,7 +74,9 @@ class Stage(NamedTuple):
 
     rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory, cells,
     moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
-    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written.
+    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written. Where
+    nothing moves the motion is zero, where nothing is logged the log has no room: so a scene with
+    either compiles nothing. moves: whether a collider moves.
     """
 
     rules: Rules
@@ -95,6 +97,7 @@ class Stage(NamedTuple):
     ledger: tuple
     x: np.ndarray
     v: np.ndarray
+    moves: bool
 
 
 @inlined
@@ -140,7 +143,7 @@ def _is_near(stage, i):
     """Whether particle i may meet a collider in the step."""
     x0, u, poses = column(stage.x, i), column(stage.candidates.u, i), stage.poses
     x1 = add_scaled(x0, stage.rules.flight.dt, u)
-    return stage.motion is not None or _may_meet_still(
+    return stage.moves or _may_meet_still(
         stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i], x1,
         length(subtract(x1, x0)))
 
@@ -157,7 +160,7 @@ def _list_walls(stage, i, answers):
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
         touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
-                          stage.accounts, x0, x1, v0, u, True)
+                          stage.accounts, x0, x1, v0, u, first >= 0)
         least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
         if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
                 k < walls.ends.shape[0]) and not (
@@ -293,7 +296,7 @@ def _find_at_walls(stage, bounced, bounces):
 
 
 @kernel
-def list_thrown(stage, base, bounced, bounces, answers):
+def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
     """
     List the collisions with colliders of those that these throw back onto somebody.
 
@@ -302,8 +305,6 @@ def list_thrown(stage, base, bounced, bounces, answers):
     """
     struck, size = stage.meetings.struck, 0
     found = _find_at_walls(stage, bounced, bounces)
-    before, after = np.empty((found, 6)), np.empty((found, 6))
-    kept = np.empty(found, dtype=np.int8)
     for k in range(found):
         i = struck[k]
         hits, v, u = _throw_back(stage, i, answers)

@@ -73,13 +73,13 @@ class Meetings(NamedTuple):
     """
     The pairs that are near each other: scratch.
 
-    ends (P, 2) int32: their particles; known (P,) int32: row of the memory, NONE for those that
+    ends (P, 2) int64: their particles; known (P,) int64: row of the memory, NONE for those that
     did not press; order (P,) float64: when or how deep they meet, inf for those that do not
-    collide; normal (P, 3) [-]: from the second to the first; active (P,) int32: pairs that
-    collide; looked (P,) int32: round in which a pair was looked at last, or a mark of piles.py;
+    collide; normal (P, 3) [-]: from the second to the first; active (P,) int64: pairs that
+    collide; looked (P,) int64: round in which a pair was looked at last, or a mark of piles.py;
     size (4,) int64: how many pairs there are, how many are active, how many particles have
-    collided, and in this round; behind (P, 2) int32: for each end of a pair the one before of its
-    particle, times two and with the end; struck, fresh (N,) int32: who has collided, and in this
+    collided, and in this round; behind (P, 2) int64: for each end of a pair the one before of its
+    particle, times two and with the end; struck, fresh (N,) int64: who has collided, and in this
     round, those in the open as -1 - i; heat (N,) int8: of piles.py; states (N, STATES): of the
     particles, a cache line each, as they are looked up here and there.
     """
@@ -101,12 +101,12 @@ class Meetings(NamedTuple):
 def make_meetings(pairs, count, old=None):
     """Allocate room for a number of pairs of `count` particles; what is of these is taken over."""
     each = old[8:] if old else (
-        np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32),
+        np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64),
         np.zeros(count, dtype=np.int8), _make_states(count))
     return Meetings(
-        np.empty((pairs, 2), dtype=np.int32), np.empty(pairs, dtype=np.int32), np.empty(pairs),
-        np.empty((pairs, 3)), np.empty(pairs, dtype=np.int32), np.empty(pairs, dtype=np.int32),
-        np.zeros(4, dtype=np.int64), np.empty((pairs, 2), dtype=np.int32), *each)
+        np.empty((pairs, 2), dtype=np.int64), np.empty(pairs, dtype=np.int64), np.empty(pairs),
+        np.empty((pairs, 3)), np.empty(pairs, dtype=np.int64), np.empty(pairs, dtype=np.int64),
+        np.zeros(4, dtype=np.int64), np.empty((pairs, 2), dtype=np.int64), *each)
 
 
 def _make_states(count):

@@ -263,7 +263,7 @@ def _overlaps_somebody(stage, i):
 
 
 @kernel
-def _list_pushed(stage, bodies, base, bounced, bounces, answers):
+def _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers):
     """
     List those that colliders push onto somebody; how many bodies then.
 
@@ -271,10 +271,6 @@ def _list_pushed(stage, bodies, base, bounced, bounces, answers):
     other, and back.
     """
     meetings, pile, struck = stage.meetings, stage.pile, stage.meetings.struck
-    most = 2 * meetings.size[0]
-    for block in range(bounces.shape[0]):
-        most += bounces[block, 0]
-    velocities = np.empty((most, 6))
     size = _find_pushed(stage, bounced, bounces, velocities, answers)
     for k in range(size):
         i = struck[k]
@@ -291,11 +287,11 @@ def _list_pushed(stage, bodies, base, bounced, bounces, answers):
 
 
 @kernel
-def _list(stage, base, bounced, bounces, again, numbers, answers):
+def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
     if not again:
-        bodies = _list_pushed(stage, bodies, base, bounced, bounces, answers)
+        bodies = _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers)
     size, contacts = bodies, pairs
     if bodies > 0:
         size, contacts = list_supports(stage, bodies, pairs, answers)
@@ -499,12 +495,12 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
     """
     numbers, progress, pile = work.numbers, work.progress, stage.pile
     laws, part = stage.pair_rules.laws, stage.pair_rules.part
-    room = make_room()
+    room, velocities = make_room(), np.empty((stage.x.shape[1], 6))
     answers = keep_answers(stage.rules.present.meshes, stage.table)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     if fetch_add(progress, 0, 1) == 0:
-        _list(stage, base, bounced, bounces, again, numbers, answers)
+        _list(stage, base, bounced, bounces, velocities, again, numbers, answers)
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)

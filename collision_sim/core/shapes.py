@@ -191,7 +191,11 @@ def seam_width(table, c, place):
 
 
 class Present(NamedTuple):
-    """Which shapes the scene has: 1, or the meshes; None for a shape that is then not compiled."""
+    """
+    Which shapes the scene has: 1, or the meshes; None for a shape that is then not compiled.
+
+    faced: 1 if there are boxes or cylinders that particles are outside of (`has_faces`).
+    """
 
     planes: Optional[int]
     spheres: Optional[int]
@@ -199,6 +203,7 @@ class Present(NamedTuple):
     capsules: Optional[int]
     cylinders: Optional[int]
     meshes: Optional[Meshes] = None
+    faced: Optional[int] = 1
 
 
 @inlined
