@@ -17,7 +17,7 @@
 
 import warnings
 
-from collision_sim.core.candidates import Candidates
+from collision_sim.core.candidates import make_candidates
 from collision_sim.core.cells import cell_width, level_of, LEVELS, make_cells, MASK, slots_in
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.neighbours import (BOUNDS, find_near, lay_out_cells, LOW_BITS, MOST_NEAR,
@@ -34,7 +34,7 @@ def search(x, v, base, dt=0.01, sweep=None, threads=1):
     many = sweep is not None or len(set(base.tolist())) > 1
     cells, flight = make_cells(count, threads, many), flight_coefficients(
         (0.0, 0.0, 0.0), None, dt, 'ballistic')
-    candidates = Candidates(np.empty((3, count)), np.empty((3, count)))
+    candidates = make_candidates(count)
     centre, extent = np.empty((3, count)), base.copy()
     pieces = -(-2 * count // PIECE)
     near = Near(np.empty((pieces, 200_000), dtype=np.int64), np.zeros(pieces, dtype=np.int64),

@@ -28,6 +28,7 @@ import yaml
 pytest.importorskip('rosbags', reason="needs pip install 'collision_sim[record]'")
 
 from collision_sim.bags import read_bag  # noqa: E402, I100
+from collision_sim.ros.arrivals import Arrivals  # noqa: E402
 from rosbags.rosbag2 import CompressionMode  # noqa: E402
 from small_bags import (pose_message, POSE_STAMPED, read_messages, SECOND,  # noqa: E402
                         START, STORAGES, swing, TYPES, write_bag, write_swing)
@@ -59,6 +60,11 @@ def final(scene, tmp_path, capsys):
     return run
 
 
+def seconds_of(stamp):
+    """Give the seconds since the start of a stamp [ns], or those seconds as they are."""
+    return stamp if isinstance(stamp, float) else (stamp - START) / SECOND
+
+
 def by_hand(scene, poses, delay=0.1, duration=1.0):
     """Give the final state of a simulation whose paddle follows poses by calls of this test."""
     sim, stream = Simulation(load_scene(scene), contacts=False), PoseStream(delay=delay)
@@ -67,7 +73,7 @@ def by_hand(scene, poses, delay=0.1, duration=1.0):
         time = sim.time + sim.dt
         while poses and poses[0][0] <= START + round(time * SECOND):
             _, stamp, position = poses.pop(0)
-            stream.add((stamp - START) / SECOND, position, (0.0, 0.0, 0.0, 1.0))
+            stream.add(seconds_of(stamp), position, (0.0, 0.0, 0.0, 1.0))
         if stream.newest is not None:
             track = stream.sample([time])
             if track.teleport[0]:
@@ -112,12 +118,14 @@ def test_poses_are_not_known_before_they_are_received(scene, final, tmp_path):
 
 
 def test_without_a_stamp_it_is_when_a_pose_was_received(scene, final, tmp_path):
-    """A zero stamp means now, as for the node."""
+    """A zero stamp means when the pose was sent, as far as its arrival tells, as for the node."""
     bag = write_bag(tmp_path / 'unstamped', [(received, pose_message(0, position))
                                              for received, _, position in swing()])
     state, _ = final(bag)
-    received = [(received, received, position) for received, _, position in swing()]
-    np.testing.assert_array_equal(state, by_hand(scene, received))
+    arrivals = Arrivals()
+    sent = [(received, arrivals.sent(seconds_of(received)), position)
+            for received, _, position in swing()]
+    np.testing.assert_array_equal(state, by_hand(scene, sent))
 
 
 def test_bad_poses_are_dropped_and_counted(final, tmp_path):

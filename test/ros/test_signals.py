@@ -163,5 +163,5 @@ def test_signals_while_the_kernels_compile(run_node, peer, runs, monkeypatch, tm
         time.sleep(2.0 + 0.5 * run)
         files = mapped(process) - before
         printed = end(process, signals, random.Random(run).uniform(0.0, 0.01), SOON)
-        assert 'preparing the kernels' in printed and NODE + ' publishes' not in printed
+        assert 'compiling the kernels' in printed and NODE + ' publishes' not in printed
         assert files and not any(path.exists() for path in files)

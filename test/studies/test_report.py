@@ -19,6 +19,7 @@ from math import inf, nan
 
 from collision_sim import cli
 from collision_sim import scene as scenes
+from collision_sim.processes import start
 from collision_sim.studies import figures, own_scene, refinement, report, warming
 from collision_sim.studies.cases import all_cases
 from collision_sim.studies.errors import Row, SAMPLES, Setting
@@ -262,10 +263,15 @@ def test_without_matplotlib(tmp_path, monkeypatch):
 def test_compiling_in_another_process():
     """A process steps each scene that it is given once, and says when it is done."""
     scene = all_cases(16)[0].scene
-    worker = warming._worker([(scene, WAY), (scene, FEW[1])])
-    assert worker.stdout.read().split() == [b'done', b'done']
-    assert worker.wait() == 0
-    worker.stdout.close()
+    worker = start('collision_sim.studies.warming', [(scene, WAY), (scene, FEW[1])])
+    try:
+        assert [worker.stdout.readline().strip() for _ in range(2)] == [b'done', b'done']
+        assert worker.wait() == 0
+    finally:
+        worker.kill()
+        worker.wait()
+        worker.stdin.close()
+        worker.stdout.close()
 
 
 def test_kernels_are_told_apart():
