@@ -32,11 +32,10 @@ shift that it causes: together they are exact on planes, for friction too.
 from math import nan
 from typing import NamedTuple, Optional
 
-from collision_sim.core.impulses import dry_factor, shares, wet_factor
+from collision_sim.core.impulses import dry_factor, two_parts, wet_factor
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.motion import chord_velocity
-from collision_sim.core.rules import PARALLEL
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 import numpy as np
@@ -259,26 +258,41 @@ def lost_in_pass(rules, table, touch, target):
 
 
 @inlined
-def _two_parts(n1, n2, dv):
-    """Divide a change of velocity between two colliders; friction in the ratio of the normals."""
-    k = dot(n1, n2)
-    a, b = shares(n1, n2, dv) if 1.0 - k * k >= PARALLEL else (dot(dv, n1), 0.0)
-    rest = add_scaled(add_scaled(dv, -a, n1), -b, n2)
-    total = abs(a) + abs(b)
-    part = abs(a) / total if total > 0.0 else 0.5
-    return add_scaled(scaled(a, n1), part, rest), a, b
-
-
-@inlined
 def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w, w1):
     """Book a contact with two colliders at once, as `book_contact`."""
     if ledger is not None:
-        dt, n1, n2 = rules.flight.dt, one.normal, two.normal
+        dt = rules.flight.dt
         obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
         obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
+        book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT)
+
+
+@inlined
+def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise):
+    """
+    Book what two colliders do at once.
+
+    Parameters
+    ----------
+    ledger, rules, here, table
+        As in `response.resolve`.
+    one, two : Touch
+        The colliders and their normals.
+    obj1, obj2 : (3,) tuple of float [m/s]
+        Velocities of their material points, which do the work.
+    u, u1, w, w1 : (3,) tuple of float [m/s]
+        Mean velocity before and after, end velocity before and after.
+    lost : float [J/kg]
+        What restitution takes.
+    otherwise : int
+        Account of what is left along the normals.
+
+    """
+    if ledger is not None:
+        dt, n1, n2 = rules.flight.dt, one.normal, two.normal
         dw, du, mean = subtract(w1, w), subtract(u1, u), scaled(0.5, add(w, w1))
-        first, a, b = _two_parts(n1, n2, dw)
-        _, au, bu = _two_parts(n1, n2, du)
+        first, a, b = two_parts(n1, n2, dw)
+        _, au, bu = two_parts(n1, n2, du)
         second, g = subtract(dw, first), ledger.gravity
         pull, work1, work2 = dt * dot(g, du), dot(first, obj1), dot(second, obj2)
         book_impulse(ledger, here, one.collider, work1, first)
@@ -286,11 +300,12 @@ def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w
         book(ledger, here, GRAVITY, pull)
         along = (a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
                  - dt * (au * dot(g, n1) + bu * dot(g, n2)))
-        book(ledger, here, CONTACT, along)
+        book(ledger, here, RESTITUTED, lost)
+        book(ledger, here, otherwise, along - lost)
         slip = subtract(mean, obj1)
         slip = add_scaled(slip, -dot(slip, n1), n1)
         book_loss(ledger, here, dry_share(rules, table, one.collider, length(slip), abs(a)),
-                  kinetic(w, w1) - pull - work1 - work2 - along, CONTACT)
+                  kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
 
 
 @inlined

@@ -108,9 +108,9 @@ def passes_nothing(case, run, random):
 
     That is with `trajectory`: the place where a step ends is right only if the way there is free
     (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface or round an
-    edge, and for the fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do not turn in the
-    step, with which the chord is straight. Meshes are never passed through, whatever the
-    detection: the chord has no crossing with them.
+    edge, and for the fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do
+    not turn in the step, with which the chord is straight. Meshes are never passed through,
+    whatever the detection: the chord has no crossing with them.
     """
     for k, step in enumerate(run):
         if is_excused(step):
