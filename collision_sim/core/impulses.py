@@ -169,6 +169,19 @@ def along_both(v, n1, n2):
 
 
 @inlined
+def between(v, n1, obj1, n2, obj2, target):
+    """
+    Velocity that has been answered by two colliders, to the last bit where that is known.
+
+    Where both move alike, and nothing is thrown back, only the part along both is its own: what
+    rests between them rests, however acute their angle is.
+    """
+    if target == 0.0 and obj1[0] == obj2[0] and obj1[1] == obj2[1] and obj1[2] == obj2[2]:
+        return add(obj1, along_both(subtract(v, obj1), n1, n2))
+    return v
+
+
+@inlined
 def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
     """
     Velocity after two colliders have acted at once, and what they change it by.
@@ -195,7 +208,7 @@ def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
     a, b = joint_impulses(n1, add_scaled(obj1, target, n1), n2, add_scaled(obj2, target, n2), v)
     if not (a > 0.0 and b > 0.0):
         return v, 0.0, 0.0
-    after = add_scaled(add_scaled(v, a, n1), b, n2)
+    after = between(add_scaled(add_scaled(v, a, n1), b, n2), n1, obj1, n2, obj2, target)
     for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
         slip = along_both(subtract(after, obj), n1, n2)
         factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)

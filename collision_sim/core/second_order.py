@@ -31,7 +31,7 @@ Source: H. C. Andersen, RATTLE, J. Comput. Phys. 52 (1983).
 
 from collision_sim.core.detection import distance, rounding_depth
 from collision_sim.core.faces import face_below, height_over
-from collision_sim.core.impulses import (along_both, dry_factor, joint_impulses, joint_law,
+from collision_sim.core.impulses import (along_both, between, dry_factor, joint_impulses, joint_law,
                                          wet_factor)
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import dry_friction
@@ -163,6 +163,8 @@ def _joint_half(rules, table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
     """
     a, b = joint_impulses(n1, obj1, n2, obj2, u)
     after = add_scaled(add_scaled(u, a, n1), b, n2)
+    if a > 0.0 and b > 0.0:
+        after = between(after, n1, obj1, n2, obj2, 0.0)
     slowed = (0.0, 0.0, 0.0)
     for c, obj, slip, dv_n in ((c2, obj2, slip2, b), (c1, obj1, slip1, a)):
         acted = subtract(after, obj)
