@@ -31,8 +31,8 @@ Source: H. C. Andersen, RATTLE, J. Comput. Phys. 52 (1983).
 
 from collision_sim.core.detection import distance, rounding_depth
 from collision_sim.core.faces import face_below, height_over
-from collision_sim.core.impulses import (along_both, between, dry_factor, joint_impulses, joint_law,
-                                         wet_factor)
+from collision_sim.core.impulses import (along_both, between, dry_factor, joint_impulses,
+                                         joint_law, wet_factor)
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import dry_friction
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
