@@ -184,15 +184,15 @@ def _motion(dice):
 
 def several(dice, case):
     """Give one to four colliders of any kind."""
-    colliders = [_body(dice) for _ in range(dice.pick(1, 1, 2, 2, 3, 4))]
+    colliders = [_body(dice) for _ in range(dice.pick(1, 1, 2, 2, 2, 3, 4))]
     _moving(dice, colliders)
     return colliders, []
 
 
 def many(dice, case):
-    """Give eight to twelve small colliders, which are found by a grid."""
+    """Give eight or nine small colliders, which are found by a grid."""
     colliders = [_body(dice, dice.pick(*SHAPES[1:]), 1.5, dice.pick(0.5, 0.5, 3.0))
-                 for _ in range(dice.whole(8, 12))]
+                 for _ in range(dice.pick(8, 8, 9))]
     for collider in colliders:
         collider.pop('inside', None)
     _moving(dice, colliders)
@@ -201,7 +201,8 @@ def many(dice, case):
 
 def tiles(dice, case):
     """Give boxes side by side, and places on their seams and their tops."""
-    nx, ny, nz = dice.pick((2, 1, 1), (1, 2, 1), (2, 2, 1), (3, 1, 1), (1, 1, 2), (3, 3, 1))
+    nx, ny, nz = dice.pick((2, 1, 1), (1, 2, 1), (2, 2, 1), (2, 2, 1), (3, 1, 1),
+                           (1, 1, 2), (3, 3, 1))
     size = np.array([dice.pick(0.5, 1.0, 2.0) for _ in range(2)] + [dice.pick(0.1, 0.25, 1.0)])
     turn = [0.0, 0.0, 0.0, 1.0] if dice.chance(0.6) else dice.turn()
     where = np.array(dice.vector(0.5)) if dice.chance(0.5) else np.zeros(3)
@@ -401,8 +402,8 @@ def _moving(dice, colliders, share=0.3):
 
 
 # Meshes cost ten times as much as others without the compiler.
-FAMILIES = (several, several, several, several, many, many, tiles, tiles, press, press, groove,
-            column, column, break_shot, drum, drum, meshes)
+FAMILIES = (several, several, several, several, several, several, many, many, tiles, tiles, tiles,
+            press, press, press, groove, groove, column, column, break_shot, drum, drum, meshes)
 
 
 # ------------------------------------------------------------------------------------- the rest
@@ -544,7 +545,7 @@ def _on_surface(body, centre, outwards):
 
 def _calls(dice, scene, colliders):
     """Give the calls: steps, and between them moves, teleports and changes of parameters."""
-    steps = dice.whole(3, 10)
+    steps = dice.pick(1, 2, 2, 3, 3, 4, 5, 10)
     movable = [collider for collider in colliders if 'motion' not in collider]
     moves = dice.chance(0.25)
     moved = [collider for collider in movable if dice.chance(0.6)] if moves else []

@@ -19,7 +19,7 @@ from math import ceil, cos, floor, pi, sin
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
-from small_scenes import (box, EPSILON, FAR, FIRST_ORDER, G, METHODS, order, plane, simulate,
+from small_scenes import (box, EPSILON, FAR, G, METHODS, order, plane, simulate,
                           sphere, UPRIGHT)
 
 every_method = pytest.mark.parametrize('method', METHODS)
