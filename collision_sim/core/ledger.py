@@ -208,7 +208,19 @@ def book_shift(ledger, here, account, dx):
 
 
 @inlined
-def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost):
+def _book_pull(ledger, here, dt, du, lawful):
+    """Book the work of gravity that a change of the mean velocity brings; the contact's part."""
+    pull = dt * dot(ledger.gravity, du)
+    book(ledger, here, GRAVITY, pull)
+    if lawful:
+        book(ledger, here, REPULSED, -pull)
+        return 0.0
+    return pull
+
+
+@inlined
+def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
+                 lawful):
     """
     Book a pass of the contact stage.
 
@@ -223,6 +235,9 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         Mean velocity before and after, end velocity before and after.
     lost : float [J/kg]
         Of that, what restitution takes.
+    lawful : bool
+        Whether a repulsion came before: the mean velocity is only where it pushes the particle,
+        and what gravity does on the way is its work.
 
     """
     if ledger is not None:
@@ -231,15 +246,16 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         dw, du = subtract(w1, w), subtract(u1, u)
         middle = add(touch.normal, n_end)
         n = scaled(1.0 / length(middle), middle)
-        work, pull = dot(dw, obj), dt * dot(ledger.gravity, du)
+        work, pull = dot(dw, obj), _book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, c, work, dw)
-        book(ledger, here, GRAVITY, pull)
         rest = kinetic(w, w1) - pull - work
         if touch.target > 0.0:
             book(ledger, here, REPULSED, rest)
             return
         relative = subtract(scaled(0.5, add(w, w1)), obj)
-        along = dot(dw, n) * dot(relative, n) - dt * dot(ledger.gravity, n) * dot(du, n)
+        along = dot(dw, n) * dot(relative, n)
+        if not lawful:
+            along -= dt * dot(ledger.gravity, n) * dot(du, n)
         slip = add_scaled(relative, -dot(relative, n), n)
         book(ledger, here, RESTITUTED, lost)
         book(ledger, here, CONTACT, along - lost)
@@ -264,11 +280,13 @@ def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w
         dt = rules.flight.dt
         obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
         obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
-        book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT)
+        book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT,
+                     False)
 
 
 @inlined
-def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise):
+def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
+                 lawful):
     """
     Book what two colliders do at once.
 
@@ -286,6 +304,8 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
         What restitution takes.
     otherwise : int
         Account of what is left along the normals.
+    lawful : bool
+        As in `book_contact`.
 
     """
     if ledger is not None:
@@ -294,12 +314,13 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
         first, a, b = two_parts(n1, n2, dw)
         _, au, bu = two_parts(n1, n2, du)
         second, g = subtract(dw, first), ledger.gravity
-        pull, work1, work2 = dt * dot(g, du), dot(first, obj1), dot(second, obj2)
+        work1, work2 = dot(first, obj1), dot(second, obj2)
+        pull = _book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, one.collider, work1, first)
         book_impulse(ledger, here, two.collider, work2, second)
-        book(ledger, here, GRAVITY, pull)
-        along = (a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
-                 - dt * (au * dot(g, n1) + bu * dot(g, n2)))
+        along = a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
+        if not lawful:
+            along -= dt * (au * dot(g, n1) + bu * dot(g, n2))
         book(ledger, here, RESTITUTED, lost)
         book(ledger, here, otherwise, along - lost)
         slip = subtract(mean, obj1)

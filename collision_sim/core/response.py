@@ -119,7 +119,7 @@ def collide_with_both(rules, here, table, log, accounts, ledger, one, two, v0):
     if a > 0.0:
         record_jointly(log, accounts, here, one, two, COLLISION, one.point, subtract(after, v0))
         book_at_once(ledger, rules, here, table, one, two, one.obj, two.obj, v0, v0, v0, after,
-                     0.0, RESTITUTED)
+                     0.0, RESTITUTED, False)
         accounts[here.block, N_COLLISION] += 2
     return after, a > 0.0
 
@@ -216,7 +216,7 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
         state, counter, point = REPULSION, N_REPULSION, x1
     record(log, accounts, here, c, state, point, touch.normal, subtract(w_after, w))
     book_contact(ledger, rules, here, table, poses, motion, touch, n, x0, u, u_after, w, w_after,
-                 lost_in_pass(rules, table, touch, target))
+                 lost_in_pass(rules, table, touch, target), lawful)
     accounts[here.block, counter] += 1
     return u_after, w_after
 
@@ -307,7 +307,7 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
     obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
     book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u_after, w, w_after, lost,
-                 account)
+                 account, lawful)
     accounts[here.block, counter] += 2
     return u_after, w_after, True
 
