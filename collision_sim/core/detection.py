@@ -27,10 +27,12 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
 from collision_sim.core.motion import chord_velocity, point_velocity, START
-from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, ROUNDING, SAME_SIDE,
+from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
 from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, seam_width, signed_distance,
                                        SIZE)
+from collision_sim.core.ties import (comes_first, hits_first, lacks_alike, SAME_TIME,
+                                     stands_first)
 from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
                                            relative_motion)
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
@@ -200,19 +202,24 @@ def deepest(rules, here, table, poses, motion, x0, x1):
     Returns
     -------
     c : int
-        NONE if it ends outside all; equally deep: the first.
+        NONE if it ends outside all; equally deep: ties.stands_first.
     phi : float [m]
         Signed distance, negative.
     n : (3,) tuple of float [-]
 
     """
-    c, phi, n = NONE, 0.0, (0.0, 0.0, 1.0)
+    c, phi, n, blur = NONE, 0.0, (0.0, 0.0, 1.0), 0.0
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                   x1)
-        if phi_k < phi and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
-            c, phi, n = k, phi_k, n_k
+        if phi_k < 0.0:
+            rounding = rounding_depth(here, table, poses, k, x0)
+            first = phi_k < phi
+            if c != NONE and abs(phi_k - phi) <= rounding + blur:
+                first = stands_first(table, poses, here.end, k, n_k, c, n)
+            if first and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
+                c, phi, n, blur = k, phi_k, n_k, rounding
     return c, phi, n
 
 
@@ -340,6 +347,16 @@ def _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n, s
 
 
 @inlined
+def _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi, n, stays):
+    """Return the Touch of a contact where the step ends, NOTHING where there is none to act on."""
+    obj = chord_velocity(motion, poses, here.step, here.start, k, x0, rules.flight.dt)
+    v_n, target = mean_approach(rules, depth, n, obj, u)
+    if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
+        return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, target, False, stays)
+    return NOTHING
+
+
+@inlined
 def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle ends inside of: the deepest.
@@ -351,17 +368,19 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     Returns
     -------
     touch : Touch
-    inside : bool
-        Whether the particle ends inside any collider.
+    inside : int
+        How many colliders the particle ends inside of.
 
     """
-    hit, press, deep, phi, inside, dt = NOTHING, NOTHING, 0.0, 0.0, False, rules.flight.dt
+    hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
+    hit_blur, press_blur = 0.0, 0.0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
-        inside, collision = True, NOTHING
+        inside, collision = inside + 1, NOTHING
+        blur = rounding_depth(here, table, poses, k, x0)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
                                      phi_k, n)
@@ -369,14 +388,15 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
                                       n, stays)
         if collision.hit:
-            if phi_k < deep:
-                hit, deep = collision, phi_k
-        elif phi_k < phi:
-            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
-            v_n, target = mean_approach(rules, depth, n, obj, u)
-            if _acts(rules.second, rules, here, table, poses, k, x1, phi_k, stays, v_n, target):
-                press = Touch(k, n, obj, add_scaled(x1, -phi_k, n), v_n, target, False, stays)
-                phi = phi_k
+            if comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep, hit_blur,
+                           v0):
+                hit, deep, hit_blur = collision, phi_k, blur
+        elif phi_k <= phi + blur + press_blur:
+            touch = _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi_k, n,
+                              stays)
+            if touch.collider != NONE and comes_first(
+                    table, poses, here.end, touch, phi_k, blur, press, phi, press_blur, u):
+                press, phi, press_blur = touch, phi_k, blur
     if hit.hit and press.collider != NONE:
         hit = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u)
     return (hit if hit.hit else press), inside
@@ -385,18 +405,22 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 @kernel
 def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
-    hit, deep = NOTHING, 0.0
+    hit, deep, hit_blur = NOTHING, 0.0, 0.0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
-        if phi < deep and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
+        blur = rounding_depth(here, table, poses, k, x0)
+        if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
+                rules, here, table, poses, motion, k, x0) == 0.0:
             n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, 0.0,
                                          phi, n)
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
-            if collision.hit and not _is_left(None, rules, here, table, poses, motion, press,
-                                              collision, x0, x1, v0):
-                hit, deep = collision, phi
+            if collision.hit and comes_first(
+                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0) and (
+                    not _is_left(None, rules, here, table, poses, motion, press, collision, x0,
+                                 x1, v0)):
+                hit, deep, hit_blur = collision, phi, blur
     return hit
 
 
@@ -484,6 +508,22 @@ def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau,
 
 
 @inlined
+def _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n, arm,
+                   stays):
+    """Return the Touch of a contact at time tau, NOTHING where there is none to act on."""
+    dt = rules.flight.dt
+    obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+    v_n, target = mean_approach(rules, depth, n, obj, u)
+    if v_n >= target and depth == 0.0 and not stays:
+        obj = path_velocity(motion, here.step, k, arm, dt)
+        v_n = approach(u, obj, n)
+    if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
+        point = add_scaled(x0, tau, subtract(x1, x0))
+        return Touch(k, n, obj, point, v_n, target, False, stays)
+    return NOTHING
+
+
+@inlined
 def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle hits on its path: the earliest.
@@ -493,7 +533,7 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     are all that it touches from the start, the one that it ends deepest in comes first.
     """
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
-    deep, deepest_press, inside, dt = 0.0, 0.0, False, rules.flight.dt
+    deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
@@ -501,23 +541,22 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
                                           x0, x1, v0, u)
         if tau > 1.0:
             continue
-        inside, collision = True, NOTHING
+        inside, collision = inside + 1, NOTHING
+        blur = rounding_depth(here, table, poses, k, x0)
         if collides and depth == 0.0:
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
         if collision.hit:
-            if tau < hit_time or (tau == hit_time and phi < deep):
-                hit, hit_time, deep = collision, tau, phi
-        elif tau < press_time or (tau == press_time and phi < deepest_press):
-            obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
-            v_n, target = mean_approach(rules, depth, n, obj, u)
-            if v_n >= target and depth == 0.0 and not stays:
-                obj = path_velocity(motion, here.step, k, arm, dt)
-                v_n = approach(u, obj, n)
-            if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
-                point = add_scaled(x0, tau, subtract(x1, x0))
-                press = Touch(k, n, obj, point, v_n, target, False, stays)
-                press_time, deepest_press = tau, phi
+            if hits_first(table, poses, here.end, collision, tau, phi, blur, hit, hit_time, deep,
+                          hit_blur, v0):
+                hit, hit_time, deep, hit_blur = collision, tau, phi, blur
+        elif tau <= press_time + SAME_TIME:
+            touch = _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau,
+                                   phi, n, arm, stays)
+            if touch.collider != NONE and hits_first(
+                    table, poses, here.end, touch, tau, phi, blur, press, press_time,
+                    deepest_press, press_blur, u):
+                press, press_time, deepest_press, press_blur = touch, tau, phi, blur
     if hit.hit and press.collider != NONE and press_time <= hit_time:
         hit = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u)
     return (hit if hit.hit else press), inside
@@ -526,20 +565,91 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
 @kernel
 def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
     """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
-    hit, first, deep = NOTHING, NEVER, 0.0
+    hit, first, deep, hit_blur = NOTHING, NEVER, 0.0, 0.0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
             continue
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,
                                           x1, v0, u)
-        if tau < first or (tau == first and phi < deep):
+        if tau <= 1.0 and tau <= first + SAME_TIME:
+            blur = rounding_depth(here, table, poses, k, x0)
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
-            if collision.hit and not _is_left(1, rules, here, table, poses, motion, press,
-                                              collision, x0, x1, v0):
-                hit, first, deep = collision, tau, phi
+            if collision.hit and hits_first(
+                    table, poses, here.end, collision, tau, phi, blur, hit, first, deep, hit_blur,
+                    v0) and not _is_left(1, rules, here, table, poses, motion, press, collision,
+                                         x0, x1, v0):
+                hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
+
+
+@inlined
+def _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1, v0, u, hit):
+    """
+    Touch of a collider as `detect` finds it, a collision or a contact, or NOTHING.
+
+    And its time on the path, 0 without `sweep`, and the distance [m] at the end.
+    """
+    depth = starts_inside(rules, here, table, poses, motion, k, x0)
+    if sweep is not None:
+        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
+                                          x0, x1, v0, u)
+        if tau > 1.0 or (hit and depth > 0.0):
+            return NOTHING, tau, phi
+        if hit:
+            return _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n,
+                                      arm, stays), tau, phi
+        return _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n,
+                              arm, stays), tau, phi
+    phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+    if phi >= 0.0 or (hit and depth > 0.0):
+        return NOTHING, 0.0, phi
+    n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth, phi, n)
+    if hit:
+        return _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
+                             stays), 0.0, phi
+    return _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi, n,
+                     stays), 0.0, phi
+
+
+@kernel
+def rival(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
+    """
+    Find the one collider that a particle meets just like that of a touch: as deep, and as fast.
+
+    Parameters
+    ----------
+    sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u
+        As in `detect`.
+    touch : Touch
+        What `detect` has found.
+
+    Returns
+    -------
+    Touch
+        NOTHING if there is none, or more than one; with parallel normals they are one surface.
+
+    """
+    found, v = NOTHING, v0 if touch.hit else u
+    _, tau, phi = _meeting(sweep, rules, here, table, poses, motion, accounts, touch.collider, x0,
+                           x1, v0, u, touch.hit)
+    blur = rounding_depth(here, table, poses, touch.collider, x0)
+    for m in range(how_many(here.chosen, table)):
+        k = nth(here.chosen, m)
+        if k == touch.collider:
+            continue
+        other, tau_k, phi_k = _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0,
+                                       x1, v0, u, touch.hit)
+        if (other.collider != NONE and abs(tau_k - tau) <= SAME_TIME
+                and abs(phi_k - phi) <= blur + rounding_depth(here, table, poses, k, x0)
+                and other.stays == touch.stays and lacks_alike(touch, other, v)):
+            cosine = dot(touch.normal, other.normal)
+            if 1.0 - cosine * cosine >= PARALLEL:
+                if found.collider != NONE:
+                    return NOTHING
+                found = other
+    return found
 
 
 @inlined
@@ -558,7 +668,7 @@ def blocker(sweep, rules, here, table, poses, motion, x0, x1):
     The way from one point of a round surface to the next is a chord inside it: leaving from a
     surface to the same side of it is clear.
     """
-    blocking, first = NONE, NEVER
+    blocking, first, normal = NONE, NEVER, (0.0, 0.0, 1.0)
     if sweep is not None:
         dx = subtract(x1, x0)
         for m in range(how_many(here.chosen, table)):
@@ -571,6 +681,9 @@ def blocker(sweep, rules, here, table, poses, motion, x0, x1):
                                  x1)[1]
             slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
             obj = path_velocity(motion, here.step, k, arm, 1.0)
-            if tau < first and not slides and approach(dx, obj, n) < 0.0:
-                blocking, first = k, tau
+            earlier = tau < first
+            if blocking != NONE and abs(tau - first) <= SAME_TIME:
+                earlier = stands_first(table, poses, here.end, k, n, blocking, normal)
+            if earlier and not slides and approach(dx, obj, n) < 0.0:
+                blocking, first, normal = k, tau, n
     return blocking

@@ -24,7 +24,7 @@ from collision_sim.core.laws import (CAPPED, dry_friction, EXPONENTIAL, wet_fric
                                      wet_friction_exponential, wet_friction_linear)
 from collision_sim.core.rules import PARALLEL
 from collision_sim.core.shapes import KINETIC, STATIC, WET, WET_FORM
-from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, cross, dot, length, scaled, subtract
 
 
 @inlined
@@ -162,6 +162,62 @@ def joint_law(rules, table, c1, n1, obj1, c2, n2, obj2, v):
 
 
 @inlined
+def along_both(v, n1, n2):
+    """Part of a vector along the edge of two surfaces."""
+    edge = cross(n1, n2)
+    return scaled(dot(v, edge) / dot(edge, edge), edge)
+
+
+@inlined
+def between(v, n1, obj1, n2, obj2, target):
+    """
+    Velocity that has been answered by two colliders, to the last bit where that is known.
+
+    Where both move alike, and nothing is thrown back, only the part along both is its own: what
+    rests between them rests, however acute their angle is.
+    """
+    if target == 0.0 and obj1[0] == obj2[0] and obj1[1] == obj2[1] and obj1[2] == obj2[2]:
+        return add(obj1, along_both(subtract(v, obj1), n1, n2))
+    return v
+
+
+@inlined
+def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
+    """
+    Velocity after two colliders have acted at once, and what they change it by.
+
+    Parameters
+    ----------
+    rules, table, c1, c2
+        As in `resolve`; the colliders.
+    n1, obj1, n2, obj2 : (3,) tuple of float [-], [m/s]
+        Normals, which are not parallel, and velocities of the material points.
+    target : float [m/s]
+        Normal velocity to reach, as both see it.
+    v : (3,) tuple of float [m/s]
+        Velocity before.
+
+    Returns
+    -------
+    v : (3,) tuple of float [m/s]
+        The friction of both is along both surfaces: across, they hold the particle between them.
+    a, b : float [m/s]
+        Along n1 and n2; 0 unless both push.
+
+    """
+    a, b = joint_impulses(n1, add_scaled(obj1, target, n1), n2, add_scaled(obj2, target, n2), v)
+    if not (a > 0.0 and b > 0.0):
+        return v, 0.0, 0.0
+    after = between(add_scaled(add_scaled(v, a, n1), b, n2), n1, obj1, n2, obj2, target)
+    for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
+        slip = along_both(subtract(after, obj), n1, n2)
+        factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)
+                  * wet_factor(rules.wet, table, c, dv_n))
+        after = add_scaled(after, factor - 1.0, slip)
+    return after, a, b
+
+
+@inlined
 def shares(n1, n2, dv):
     """
     Divide a change of velocity between two normals.
@@ -175,3 +231,14 @@ def shares(n1, n2, dv):
     d1, d2, k = dot(dv, n1), dot(dv, n2), dot(n1, n2)
     across = 1.0 - k * k
     return (d1 - k * d2) / across, (d2 - k * d1) / across
+
+
+@inlined
+def two_parts(n1, n2, dv):
+    """Divide a change of velocity between two colliders; friction in the ratio of the normals."""
+    k = dot(n1, n2)
+    a, b = shares(n1, n2, dv) if 1.0 - k * k >= PARALLEL else (dot(dv, n1), 0.0)
+    rest = add_scaled(add_scaled(dv, -a, n1), -b, n2)
+    total = abs(a) + abs(b)
+    part = abs(a) / total if total > 0.0 else 0.5
+    return add_scaled(scaled(a, n1), part, rest), a, b

@@ -32,11 +32,10 @@ shift that it causes: together they are exact on planes, for friction too.
 from math import nan
 from typing import NamedTuple, Optional
 
-from collision_sim.core.impulses import dry_factor, shares, wet_factor
+from collision_sim.core.impulses import dry_factor, two_parts, wet_factor
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.motion import chord_velocity
-from collision_sim.core.rules import PARALLEL
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 import numpy as np
@@ -209,7 +208,19 @@ def book_shift(ledger, here, account, dx):
 
 
 @inlined
-def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost):
+def _book_pull(ledger, here, dt, du, lawful):
+    """Book the work of gravity that a change of the mean velocity brings; the contact's part."""
+    pull = dt * dot(ledger.gravity, du)
+    book(ledger, here, GRAVITY, pull)
+    if lawful:
+        book(ledger, here, REPULSED, -pull)
+        return 0.0
+    return pull
+
+
+@inlined
+def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
+                 lawful):
     """
     Book a pass of the contact stage.
 
@@ -224,6 +235,9 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         Mean velocity before and after, end velocity before and after.
     lost : float [J/kg]
         Of that, what restitution takes.
+    lawful : bool
+        Whether a repulsion came before: the mean velocity is only where it pushes the particle,
+        and what gravity does on the way is its work.
 
     """
     if ledger is not None:
@@ -232,15 +246,16 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         dw, du = subtract(w1, w), subtract(u1, u)
         middle = add(touch.normal, n_end)
         n = scaled(1.0 / length(middle), middle)
-        work, pull = dot(dw, obj), dt * dot(ledger.gravity, du)
+        work, pull = dot(dw, obj), _book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, c, work, dw)
-        book(ledger, here, GRAVITY, pull)
         rest = kinetic(w, w1) - pull - work
         if touch.target > 0.0:
             book(ledger, here, REPULSED, rest)
             return
         relative = subtract(scaled(0.5, add(w, w1)), obj)
-        along = dot(dw, n) * dot(relative, n) - dt * dot(ledger.gravity, n) * dot(du, n)
+        along = dot(dw, n) * dot(relative, n)
+        if not lawful:
+            along -= dt * dot(ledger.gravity, n) * dot(du, n)
         slip = add_scaled(relative, -dot(relative, n), n)
         book(ledger, here, RESTITUTED, lost)
         book(ledger, here, CONTACT, along - lost)
@@ -259,38 +274,59 @@ def lost_in_pass(rules, table, touch, target):
 
 
 @inlined
-def _two_parts(n1, n2, dv):
-    """Divide a change of velocity between two colliders; friction in the ratio of the normals."""
-    k = dot(n1, n2)
-    a, b = shares(n1, n2, dv) if 1.0 - k * k >= PARALLEL else (dot(dv, n1), 0.0)
-    rest = add_scaled(add_scaled(dv, -a, n1), -b, n2)
-    total = abs(a) + abs(b)
-    part = abs(a) / total if total > 0.0 else 0.5
-    return add_scaled(scaled(a, n1), part, rest), a, b
-
-
-@inlined
 def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w, w1):
     """Book a contact with two colliders at once, as `book_contact`."""
     if ledger is not None:
-        dt, n1, n2 = rules.flight.dt, one.normal, two.normal
+        dt = rules.flight.dt
         obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
         obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
+        book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT,
+                     False)
+
+
+@inlined
+def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
+                 lawful):
+    """
+    Book what two colliders do at once.
+
+    Parameters
+    ----------
+    ledger, rules, here, table
+        As in `response.resolve`.
+    one, two : Touch
+        The colliders and their normals.
+    obj1, obj2 : (3,) tuple of float [m/s]
+        Velocities of their material points, which do the work.
+    u, u1, w, w1 : (3,) tuple of float [m/s]
+        Mean velocity before and after, end velocity before and after.
+    lost : float [J/kg]
+        What restitution takes.
+    otherwise : int
+        Account of what is left along the normals.
+    lawful : bool
+        As in `book_contact`.
+
+    """
+    if ledger is not None:
+        dt, n1, n2 = rules.flight.dt, one.normal, two.normal
         dw, du, mean = subtract(w1, w), subtract(u1, u), scaled(0.5, add(w, w1))
-        first, a, b = _two_parts(n1, n2, dw)
-        _, au, bu = _two_parts(n1, n2, du)
+        first, a, b = two_parts(n1, n2, dw)
+        _, au, bu = two_parts(n1, n2, du)
         second, g = subtract(dw, first), ledger.gravity
-        pull, work1, work2 = dt * dot(g, du), dot(first, obj1), dot(second, obj2)
+        work1, work2 = dot(first, obj1), dot(second, obj2)
+        pull = _book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, one.collider, work1, first)
         book_impulse(ledger, here, two.collider, work2, second)
-        book(ledger, here, GRAVITY, pull)
-        along = (a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
-                 - dt * (au * dot(g, n1) + bu * dot(g, n2)))
-        book(ledger, here, CONTACT, along)
+        along = a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
+        if not lawful:
+            along -= dt * (au * dot(g, n1) + bu * dot(g, n2))
+        book(ledger, here, RESTITUTED, lost)
+        book(ledger, here, otherwise, along - lost)
         slip = subtract(mean, obj1)
         slip = add_scaled(slip, -dot(slip, n1), n1)
         book_loss(ledger, here, dry_share(rules, table, one.collider, length(slip), abs(a)),
-                  kinetic(w, w1) - pull - work1 - work2 - along, CONTACT)
+                  kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
 
 
 @inlined

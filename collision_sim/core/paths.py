@@ -33,7 +33,8 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.meeting import ZERO
 from collision_sim.core.rules import N_UNDECIDED, ROUNDING
 from collision_sim.core.shapes import BOX, KIND, PLANE, SIDE, SIZE, SPHERE
-from collision_sim.core.surfaces import face_beside, FACES, gap_to, is_flat, touching_depth
+from collision_sim.core.surfaces import (face_beside, FACES, gap_to, is_flat, open_face,
+                                         touching_depth)
 from collision_sim.core.sustained import onto_surfaces, resting_place, RESTS
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
                                         subtract)
@@ -271,6 +272,13 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
         rounding = ROUNDING * (largest(v) + largest(obj))
         if gap <= touching:
             beside = 0
+            if rate >= -rounding and face == 0 and side > 0.0:      # it may fall along a seam
+                beside = open_face(rules, here, table, poses, courses, c, radius, t, x, n,
+                                   touching)
+                if beside > 0:
+                    gap, slope, n = gap_to(rules, here, table, poses, courses, c, beside, side,
+                                           radius, t, x)
+                    rate, beside = dot(subtract(v, obj), n), 0
             if rate < -rounding and face == 0 and side > 0.0:
                 beside = face_beside(rules, here, table, poses, courses, c, radius, t, x,
                                      subtract(v, obj), touching, rounding)

@@ -27,17 +27,20 @@ are relative to the material point of the collider. All methods are made of two 
   the surface is met, and answers a contact as second_order.py says.
 
 Then a particle that is still inside is placed outside. Who started inside a collider is repelled
-from it instead. Of several colliders the one in which the particle is deepest acts first.
+from it instead. Of several colliders the one in which the particle is deepest acts first; two in
+which it is equally deep act at once (ties.py).
 """
 
 from collision_sim.core.candidates import candidate_of, fly_anew, is_settled
 from collision_sim.core.detection import (approach, blocker, detect, distance, is_same_surface,
-                                          rounding_depth)
-from collision_sim.core.impulses import doubtful_change, joint_law, respond, shares
+                                          rival, rounding_depth)
+from collision_sim.core.impulses import (doubtful_change, joint_law, law_at_once, respond,
+                                         two_parts)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
-from collision_sim.core.ledger import (book_collision, book_contact, book_joint, book_placing,
-                                       book_shift, lost_in_pass, REPULSED)
+from collision_sim.core.ledger import (book_at_once, book_collision, book_contact, book_joint,
+                                       book_placing, book_shift, CONTACT, lost_in_pass, REPULSED,
+                                       RESTITUTED)
 from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity
 from collision_sim.core.nearby import chosen_within, reach_of
 from collision_sim.core.placing import fail_safe, push_out
@@ -46,7 +49,7 @@ from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, 
                                       PARALLEL, POINT, REPULSION, SLIDE, STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, subtract
 
 SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where pairs have led him
 
@@ -71,15 +74,15 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
-def record_jointly(log, accounts, here, one, two, point, dv):
-    """Log what two colliders do at once: the part along the first normal, and the rest."""
+def record_jointly(log, accounts, here, one, two, state, point, dv):
+    """Log what two colliders do at once: the part along each normal, and its share of the rest."""
     k = dot(one.normal, two.normal)
     if 1.0 - k * k >= PARALLEL:
-        dv1 = scaled(shares(one.normal, two.normal, dv)[0], one.normal)
-        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dv1)
-        record(log, accounts, here, two.collider, SLIDE, point, two.normal, subtract(dv, dv1))
+        dv1, _, _ = two_parts(one.normal, two.normal, dv)
+        record(log, accounts, here, one.collider, state, point, one.normal, dv1)
+        record(log, accounts, here, two.collider, state, point, two.normal, subtract(dv, dv1))
     else:
-        record(log, accounts, here, one.collider, SLIDE, point, one.normal, dv)
+        record(log, accounts, here, one.collider, state, point, one.normal, dv)
 
 
 @inlined
@@ -92,6 +95,33 @@ def collide(rules, here, table, log, accounts, ledger, touch, v0):
     book_collision(ledger, rules, here, table, touch, dv_n, v0, after)
     accounts[here.block, N_COLLISION] += 1
     return after
+
+
+@inlined
+def collide_with_both(rules, here, table, log, accounts, ledger, one, two, v0):
+    """
+    Collision stage with two colliders at once, of which none comes before the other (ties.py).
+
+    Both ask for the mean of their restitutions: with one of its own each, two that are at an acute
+    angle could bring energy.
+
+    Returns
+    -------
+    v0 : (3,) tuple of float [m/s]
+        Velocity after it.
+    answered : bool
+        Whether both push, and are answered.
+
+    """
+    c1, n1, c2, n2 = one.collider, one.normal, two.collider, two.normal
+    target = -0.5 * (table[c1, RESTITUTION] + table[c2, RESTITUTION]) * one.v_n
+    after, a, _ = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, target, v0)
+    if a > 0.0:
+        record_jointly(log, accounts, here, one, two, COLLISION, one.point, subtract(after, v0))
+        book_at_once(ledger, rules, here, table, one, two, one.obj, two.obj, v0, v0, v0, after,
+                     0.0, RESTITUTED, False)
+        accounts[here.block, N_COLLISION] += 2
+    return after, a > 0.0
 
 
 @inlined
@@ -186,7 +216,7 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
         state, counter, point = REPULSION, N_REPULSION, x1
     record(log, accounts, here, c, state, point, touch.normal, subtract(w_after, w))
     book_contact(ledger, rules, here, table, poses, motion, touch, n, x0, u, u_after, w, w_after,
-                 lost_in_pass(rules, table, touch, target))
+                 lost_in_pass(rules, table, touch, target), lawful)
     accounts[here.block, counter] += 1
     return u_after, w_after
 
@@ -234,10 +264,52 @@ def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, 
     x1 = add_scaled(x0, dt, u_after)
     w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1,
                          subtract(u_after, u), w)
-    record_jointly(log, accounts, here, one, two, x1, subtract(w_after, w))
+    record_jointly(log, accounts, here, one, two, SLIDE, x1, subtract(w_after, w))
     book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u_after, w, w_after)
     accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
+
+
+@inlined
+def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, u, w,
+                  first, lawful):
+    """
+    One pass of the contact stage against two colliders, of which none comes before the other.
+
+    As `press` and `collide_with_both`.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity after it.
+    answered : bool
+        Whether both push, and are answered.
+
+    """
+    c1, n1, c2, n2, dt = one.collider, one.normal, two.collider, two.normal, rules.flight.dt
+    eps = 0.5 * (table[c1, RESTITUTION] + table[c2, RESTITUTION])
+    target = _contact_target(rules.checks, eps, one.v_n, one.target, first)
+    u_after, a, b = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, target, u)
+    if not a > 0.0:
+        return u, w, False
+    x1, du = add_scaled(x0, dt, u_after), subtract(u_after, u)
+    if lawful or one.target > 0.0:
+        w_after = _joint_end(1, rules, here, table, poses, motion, one, two, x1, du, w)
+    else:
+        w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1, du, w)
+    state, counter, account, lost = SLIDE, N_CONTACT, CONTACT, 0.0
+    if one.target > 0.0:
+        state, counter, account = REPULSION, N_REPULSION, REPULSED
+    elif target > 0.0:
+        state, counter = COLLISION, N_COLLISION
+        lost = a * one.v_n + b * two.v_n + 0.5 * (a * a + b * b) + a * b * dot(n1, n2)
+    record_jointly(log, accounts, here, one, two, state, x1, subtract(w_after, w))
+    obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
+    obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
+    book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u_after, w, w_after, lost,
+                 account, lawful)
+    accounts[here.block, counter] += 2
+    return u_after, w_after, True
 
 
 @inlined
@@ -257,7 +329,7 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
     """
     if second is not None:
         u, w = to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, *free)
-        record_jointly(log, accounts, here, one, two, add_scaled(x0, rules.flight.dt, u),
+        record_jointly(log, accounts, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
                        subtract(w, passed[1]))
         book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u,
                    passed[1], w)
@@ -346,18 +418,39 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             return x1, w
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
+        two, at_once = NOTHING, False
+        if inside > 1:
+            two = rival(rules.sweep, rules, here, table, poses, motion, accounts, touch, x0, x1,
+                        v0, u)
         if touch.hit:
-            after = collide(rules, here, table, log, accounts, ledger, touch, v0)
+            after = v0
+            if two.collider != NONE:
+                after, at_once = collide_with_both(rules, here, table, log, accounts, ledger,
+                                                   touch, two, v0)
+            if not at_once:
+                after = collide(rules, here, table, log, accounts, ledger, touch, v0)
             u, w = fly_anew(candidates, ledger, here, rules.flight, v0, after, u, w)
             v0, free = after, (u, w)
             hits += 1
+            continue
+        elastic = (passes == 0 or rules.once) and not settled
+        if two.collider != NONE and not lawful and are_both_kept(rules.second, touch, two):
+            u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
+                              ledger, x0, v0, touch, two, free, (u, w))
+            at_once = True
+        elif two.collider != NONE:
+            u, w, at_once = press_on_both(rules, here, table, poses, motion, log, accounts, ledger,
+                                          x0, touch, two, u, w, elastic, lawful)
+        if at_once:
+            lawful = lawful or touch.target > 0.0
+            last, other, passes = touch, NOTHING, passes + 1
         elif passes == 1 and not lawful and are_both_kept(rules.second, last, touch):
             u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
                               ledger, x0, v0, last, touch, free, (u, w))
             last, other, passes = touch, last, 2
         else:
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
-                         u, w, (passes == 0 or rules.once) and not settled, hits > 0, lawful)
+                         u, w, elastic, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
             same = is_same_surface(rules.present.meshes, table, touch.collider, touch.normal,
                                    last.collider, last.normal)

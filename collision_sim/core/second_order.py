@@ -31,14 +31,15 @@ Source: H. C. Andersen, RATTLE, J. Comput. Phys. 52 (1983).
 
 from collision_sim.core.detection import distance, rounding_depth
 from collision_sim.core.faces import face_below, height_over
-from collision_sim.core.impulses import dry_factor, joint_impulses, joint_law, wet_factor
+from collision_sim.core.impulses import (along_both, between, dry_factor, joint_impulses,
+                                         joint_law, wet_factor)
 from collision_sim.core.jit import inlined
 from collision_sim.core.laws import dry_friction
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, signed_distance, SIZE, STATIC
-from collision_sim.core.vectors import (add, add_scaled, cross, dot, largest, length, origin,
-                                        scaled, subtract)
+from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, origin,
+                                        subtract)
 
 NEWTON = 12             # most evaluations of the distance at the end
 LEAST_SLOPE = 0.25      # cosine below which Newton's method is given up
@@ -162,24 +163,20 @@ def _joint_half(rules, table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
     """
     a, b = joint_impulses(n1, obj1, n2, obj2, u)
     after = add_scaled(add_scaled(u, a, n1), b, n2)
+    if a > 0.0 and b > 0.0:
+        after = between(after, n1, obj1, n2, obj2, 0.0)
     slowed = (0.0, 0.0, 0.0)
     for c, obj, slip, dv_n in ((c2, obj2, slip2, b), (c1, obj1, slip1, a)):
         acted = subtract(after, obj)
-        kick = subtract(acted, slip)
-        if a > 0.0 and b > 0.0 and dot(slip, slip) > dot(kick, kick):
-            acted = slip
+        if a > 0.0 and b > 0.0:         # across, they hold the particle between them
+            acted = along_both(acted, n1, n2)
+            kick = subtract(acted, slip)
+            acted = slip if dot(slip, slip) > dot(kick, kick) else acted
         acted = add(acted, slowed)
         wet = wet_factor(rules.wet, table, c, dv_n)
         factor = wet * dry_factor(rules.dry, table, c, abs(wet) * length(acted), dv_n)
         slowed = add_scaled(slowed, factor - 1.0, acted)
     return add(after, slowed)
-
-
-@inlined
-def _along_both(v, n1, n2):
-    """Part of a vector along the edge of two surfaces."""
-    edge = cross(n1, n2)
-    return scaled(dot(v, edge) / dot(edge, edge), edge)
 
 
 @inlined
@@ -204,9 +201,9 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
     c1, c2, n1, n2, dt = one.collider, two.collider, one.normal, two.normal, rules.flight.dt
     obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
-    slip1 = _along_both(subtract(v0, point_velocity(
+    slip1 = along_both(subtract(v0, point_velocity(
         motion, poses, here.step, START, here.start, c1, x0)), n1, n2)
-    slip2 = _along_both(subtract(v0, point_velocity(
+    slip2 = along_both(subtract(v0, point_velocity(
         motion, poses, here.step, START, here.start, c2, x0)), n1, n2)
     v1, v2, after, left = 0.0, 0.0, u, NEWTON
     while True:

@@ -51,6 +51,8 @@ def main():
     parser.add_argument('--workers', type=int, default=1, help='processes')
     parser.add_argument('--check', action='append', choices=[*CHECKS, RUNS],
                         help='only this one; may be given several times')
+    parser.add_argument('--without', metavar='SECTION',
+                        help='leave out scenes with a section, such as pairs')
     parser.add_argument('--out', type=Path, help='folder for the failures, as YAML')
     parser.add_argument('--replay', type=Path, nargs='+', help='examine these cases again')
     parser.add_argument('--mutants', action='store_true',
@@ -91,7 +93,8 @@ def _work(options, worker):
                   f'{len(done.failed)} checks', file=sys.stderr, flush=True)
 
     return search(options.seed, 60.0 * options.minutes,
-                  count(options.first + worker, options.workers), options.check, tell)
+                  count(options.first + worker, options.workers), options.check, tell,
+                  without=options.without)
 
 
 def _report(results):

@@ -29,6 +29,7 @@ SLACK = 256 * EPSILON
 # Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
 EVENT_SLACK = 1e-9
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
+ROUND = ('sphere', 'capsule', 'cylinder')
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
 EXCUSES = ('unplaced', 'undecided', 'frozen')
 AROUND = np.random.default_rng(0).standard_normal((64, 3))
@@ -106,10 +107,10 @@ def passes_nothing(case, run, random):
     Nobody passes through: along the chord of a step nobody is inside, where paths are searched.
 
     That is with `trajectory`: the place where a step ends is right only if the way there is free
-    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface, and for the
-    fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do not turn in the
-    step, with which the chord is straight. Meshes are never passed through, whatever the
-    detection: the chord has no crossing with them.
+    (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface or round an
+    edge, and for the fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do
+    not turn in the step, with which the chord is straight. Meshes are never passed through,
+    whatever the detection: the chord has no crossing with them.
     """
     for k, step in enumerate(run):
         if is_excused(step):
@@ -159,10 +160,20 @@ def _cuts(case, step, c):
 
 
 def _sag(collider, radius, way):
-    """How deep a chord may cut a round surface that the particle slides along [m]."""
-    if collider.shape not in ('sphere', 'capsule', 'cylinder') or collider.inside:
+    """
+    How deep a chord may cut a round surface that the particle slides along [m].
+
+    Round is also an edge of a box, or the rim of a cylinder, for a ball, whose centre goes round
+    it at the distance of its radius. From one point of a circle of radius R to another one, at the
+    distance d, the chord sags by R (1 - cos(a / 2)), for a turn a = 2 asin(d / 2 R) of the normal.
+    The core takes no step for a slide in which the normal turns by more than 60 degrees
+    (rules.SAME_SIDE): so that is at most 0.134 d^2 / R, and at most 0.134 R.
+    """
+    if collider.inside:
         return 0.0
-    return 0.13 * (way @ way) / (collider.size[0] + radius)
+    side = collider.size[0] + radius if collider.shape in ROUND else 0.0
+    edge = radius if collider.shape in ('box', 'cylinder') else 0.0
+    return sum(min(0.135 * (way @ way) / r, 0.135 * r) for r in (side, edge) if r > 0.0)
 
 
 def balls_keep_apart(case, run, random):

@@ -37,6 +37,7 @@ OF_OTHER_RUNS = untouched.CHECKS + symmetries.CHECKS + neutral.CHECKS + limits.C
 CHECKS = {check.__name__: check for check in OF_THE_RUN + OF_OTHER_RUNS}
 RUNS = 'runs'       # the check that a scene which is accepted runs
 LONGEST = 20.0      # s of the process for a case and its checks, which take 0.1 s as a rule
+LONGEST_EXACT = 3.0     # s; see `examine`
 
 
 class TooLong(Exception):
@@ -80,7 +81,8 @@ def examine(case, seed, names):
     """
     found = {}
     try:
-        with np.errstate(all='ignore'), limit(LONGEST):
+        with np.errstate(all='ignore'), limit(
+                LONGEST_EXACT if method(case) == 'exact' else LONGEST):
             run = play(case)
             for name in names:
                 problem = _problem(case, run, seed, name)

@@ -21,7 +21,7 @@ error of first order of each hit, which is the way of a step, amplified.
 
 from cases import acts, changed, method, play
 import numpy as np
-from symmetries import lengths, NUDGE, nudged
+from symmetries import lengths, NUDGE, nudges
 
 FINE, COARSE = 64, 16       # steps
 STEADY = 30.0               # most that a nudge is amplified
@@ -44,10 +44,9 @@ def _is_plain(case):
 def _amplified(case, run, random):
     """How much a nudge is amplified, at most, in two trials."""
     worst = 1.0
-    for _ in range(2):
-        other = play(nudged(case, random))
+    for other in nudges(case, random, 2):
         worst = max(worst, *(np.abs(two.x - one.x).max(initial=0.0) / NUDGE
-                             for one, two in zip(run, other)))
+                             for one, two in zip(run, play(other))))
     return worst
 
 

@@ -33,6 +33,7 @@ import yaml
 OTHERS = 3              # other runs of a case
 SHRUNK = 2              # failures of a check that are shrunk; of the others the case is named
 SHRINKING = 8.0         # s of the process for each
+SHARE = 0.25            # of the time that all of them together may take
 
 
 @dataclass
@@ -73,7 +74,8 @@ class Search:
     found: list = field(default_factory=list)
 
 
-def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=None):
+def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=None,
+           without=None):
     """
     Examine cases until the time is over.
 
@@ -93,17 +95,21 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
         Failures of a check that are shrunk, and told; 0: all are told as they are.
     stop : callable or None
         Says of a Search whether it is to end.
+    without : str or None
+        Scenes with that section are left out.
 
     Returns
     -------
     Search
 
     """
-    done, start, busy = Search(), time.monotonic(), time.process_time()
+    done, start, busy, shrinking = Search(), time.monotonic(), time.process_time(), 0.0
     for number in numbers:
         if time.monotonic() - start > seconds or stop and stop(done):
             break
         case, key = draw([seed, number]), [seed, number]
+        if without in case['scene']:
+            continue
         chosen = [name for name in names or chosen_names(key) if name != RUNS]
         problems = examine(case, key, chosen)
         done.scenes += 1
@@ -117,8 +123,11 @@ def search(seed, seconds, numbers, names=None, tell=None, shrinks=SHRUNK, stop=N
             if 0 < shrinks < done.failed[name]:
                 continue
             if shrinks:
+                begun = time.process_time()
                 left = max(seconds - (time.monotonic() - start), 1.0)
-                small, said = shrink(case, name, key, min(SHRINKING, left))
+                most = SHRINKING + SHARE * (begun - busy) - shrinking
+                small, said = shrink(case, name, key, max(min(SHRINKING, left, most), 1.0))
+                shrinking += time.process_time() - begun
             done.found.append(Found(key, name, said or problem, small, time.process_time() - busy))
             if tell:
                 tell(done, done.found[-1])

@@ -66,6 +66,18 @@ def test_rest_beside_and_on_a_seam(method, detection, y):
     assert_array_equal(sim.position[0], (0.05, y, 0.0))
 
 
+@every_way
+@pytest.mark.parametrize('y', [0.0, 1e-17, 0.001])
+@pytest.mark.parametrize('height', [1e-3, 0.01, 0.3])
+def test_a_fall_on_a_seam(method, detection, height, y):
+    """A particle that falls exactly into the seam of two flush boxes lands on them."""
+    sim = run(two_boxes(), (0.05, y, height), method, detection, dt=1 / 60)
+    sim.step(60)
+    above = 0.0 if method == 'exact' else 2.0 * G * sim.dt ** 2
+    assert_array_equal(sim.position[0, :2], (0.05, y))
+    assert -1e-15 <= sim.position[0, 2] <= above + 1e-15
+
+
 @every_fixed_way
 @pytest.mark.parametrize('kind', ['tiles', 'rods', 'capsules'])
 @pytest.mark.parametrize('radius', [0.0, 0.01, 0.1])
