@@ -32,11 +32,8 @@ those that come first for all that take part, to TIE. Then their candidates are 
 pairs and colliders of who has collided are looked at again, with whoever is near its new path, and
 the next round follows until nobody collides. So in a row at rest the push goes from ball to ball,
 and the last one leaves. A particle collides MOST_HITS times in a step; what is left is for the
-contact stage, in piles.py. Two that collide by themselves, and not at a collider, are not looked
-for anybody else while they leave their paths by less than OPEN of a radius: to look takes longer
-than to collide, and what they then overlap collides in the next step. Of more than joint.MOST
-collisions at once those come first that are deepest, or earliest, for both of their particles.
-Nothing depends on the order of the particles.
+contact stage, in piles.py. Of more than joint.MOST collisions at once those come first that are
+deepest, or earliest, for both of their particles. Nothing depends on the order of the particles.
 """
 
 from math import inf
@@ -69,7 +66,6 @@ import numpy as np
 TIE = 1e-9              # share of a step: what is closer happens at once
 BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
-OPEN = 0.15             # the same in the open, where two collide to whom nothing else happens
 
 
 @inlined
@@ -311,22 +307,16 @@ def _list_together(stage):
 
 
 @inlined
-def _note(meetings, i, turn, in_the_open):
-    """Note that a particle has collided in a round, and whether in the open."""
+def _note(meetings, i, turn):
+    """Note that a particle has collided in a round."""
     if meetings.states[i, MOVED] != turn:
         if meetings.states[i, HITS] == 0:
             meetings.struck[meetings.size[2]] = i
             meetings.size[2] += 1
         meetings.states[i, MOVED] = turn
         meetings.states[i, HITS] += 1
-        meetings.fresh[meetings.size[3]] = -1 - i if in_the_open else i
+        meetings.fresh[meetings.size[3]] = i
         meetings.size[3] += 1
-
-
-@inlined
-def _is_in_the_open(meetings, i):
-    """Whether nothing else has happened to particle i in the step, nor is it at a collider."""
-    return meetings.states[i, HITS] == 0.0 and meetings.states[i, NEAR] != LISTED
 
 
 @kernel
@@ -343,9 +333,9 @@ def _take_over(stage, size, pairs, contacts, turn):
                 body = pile.ends[c, end]
                 meetings.states[pile.particle[body], BLUR] += (
                     BLURRED * ROUNDING * length(impulse) * pile.bodies[body, INVERSE])
-            _note(meetings, pile.particle[a], turn, False)
+            _note(meetings, pile.particle[a], turn)
             if c < pairs:
-                _note(meetings, pile.particle[pile.ends[c, SECOND]], turn, False)
+                _note(meetings, pile.particle[pile.ends[c, SECOND]], turn)
                 stage.accounts[0, N_PAIR_COLLISION] += 1
             else:
                 i, k = pile.particle[a], pile.source[c]
@@ -420,9 +410,8 @@ def _respond(stage, dry, wet, room, turn):
             i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
             if meetings.states[i, BUSY] == 1 and meetings.states[j, BUSY] == 1:
                 _collide(stage, p)
-                free = _is_in_the_open(meetings, i) and _is_in_the_open(meetings, j)
-                _note(meetings, i, turn, free)
-                _note(meetings, j, turn, free)
+                _note(meetings, i, turn)
+                _note(meetings, j, turn)
                 stage.accounts[0, N_PAIR_COLLISION] += 1
                 alone = True
             else:
@@ -432,7 +421,7 @@ def _respond(stage, dry, wet, room, turn):
             i = walls.ends[k, 0]
             if meetings.states[i, BUSY] == 1 or not _is_passive(stage, i):
                 _collide_with_wall(stage, k)
-                _note(meetings, i, turn, False)
+                _note(meetings, i, turn)
                 alone = True
             else:
                 together = True
@@ -485,11 +474,9 @@ def _look_again(stage, base, slack, turn, answers):
     _keep_others(stage, turn)
     for k in range(meetings.size[3]):
         i = meetings.fresh[k]
-        part = LOOSE if i >= 0 else OPEN
-        i = max(i, -1 - i)
-        follow(stage, i, base[i], part * stage.matter.radius[i] + slack)
+        follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for k in range(meetings.size[3]):
-        i = max(meetings.fresh[k], -1 - meetings.fresh[k])
+        i = meetings.fresh[k]
         _look_at_pairs(stage, i, turn)
         look_at_walls(stage, i, answers)
     meetings.size[3] = 0

@@ -80,7 +80,7 @@ class Meetings(NamedTuple):
     size (4,) int64: how many pairs there are, how many are active, how many particles have
     collided, and in this round; behind (P, 2) int64: for each end of a pair the one before of its
     particle, times two and with the end; struck, fresh (N,) int64: who has collided, and in this
-    round, those in the open as -1 - i; heat (N,) int8: of piles.py; states (N, STATES): of the
+    round; heat (N,) int8: of piles.py; states (N, STATES): of the
     particles, a cache line each, as they are looked up here and there.
     """
 

@@ -337,8 +337,8 @@ def other_units(case, run, random):
     In other units of length, time and mass the same happens, to the last bit.
 
     The factors are powers of two, which rounds nothing: what differs is a length, a time or a
-    speed that the code has of its own. Roots are taken of masses: theirs are powers of four. Masses
-    and sizes stay far from the ends of the range.
+    speed that the code has of its own. Roots are taken of masses, whose factors are powers of
+    four. Masses and sizes stay far from the ends of the range.
     """
     length, time, mass = 2.0 ** (random.integers(-12, 13, 3) * [1, 1, 2])
     others = play(in_units(case, length, time, mass))
