@@ -51,7 +51,7 @@ from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, list_thrown,
-                                           LISTED, look_at_walls, meet_walls, ORDER, WALL, WHERE)
+                                           look_at_walls, meet_walls, ORDER, WALL, WHERE)
 from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
                                       look_at, MOVED, NEAR, put, SECOND, SOONEST)
 from collision_sim.core.response import collide as collide_with_collider
