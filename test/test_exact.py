@@ -64,7 +64,7 @@ def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
         for face in range(surfaces.faces(table[i], 0, side)):
             times[i] = min(times[i], paths.first_time(
                 rules, forces, here, table[i], poses[i], courses[i], work, accounts, path, 0, face,
-                side, radius[i], 0.0, 1.0, times[i]))
+                side, radius[i], 0.0, 1.0, min(1.0, times[i])))
     return times, accounts[0, N_UNDECIDED]
 
 
