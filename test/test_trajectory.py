@@ -21,7 +21,7 @@ from collision_sim.core.motion import MOTION, SHIFT, TURN
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.shapes import (BOX, CAPSULE, COLUMNS, CYLINDER, KIND, PLANE, Present, SIDE,
                                        SIZE, SPHERE)
-from collision_sim.core.trajectory import NEVER
+from collision_sim.core.trajectory import NEVER, safe_step
 from numba import njit
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
@@ -215,6 +215,13 @@ def test_plane(still, radius):
             assert_allclose(arm, (3.0 + exact, 1.0 + 0.5 * exact, radius), atol=8 * EPSILON)
     for dx in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1e-300), (0.0, 0.0, 0.0)):
         assert one('plane', x0=(0.0, 0.0, 1.0), dx=dx, radius=radius, still=still)[0] == NEVER
+
+
+@pytest.mark.parametrize('bend', [0.0, 1e-300, 1e-19, 1e-17, 3e-17, 1e-16, 1e-14])
+def test_a_turn_that_is_only_rounding(bend):
+    """How far a step may go does not come from a difference of what is alike."""
+    for f, slope in ((0.0153, -0.098), (0.5, -3.0), (1e-9, -1.0)):
+        assert safe_step(f, slope, bend, 0.0) == pytest.approx(f / -slope, rel=1e-12)
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1.0, 1e6])

@@ -25,7 +25,9 @@ is left to a rule:
   for.
 - Surfaces that a particle approaches at once answer at once (meeting.py: Moreau's law of impact);
   CHATTER collisions without time between them (acute corners) end in an inelastic one with all
-  surfaces that are near. Where these close on the particle it is stuck, and noted as `unplaced`.
+  surfaces that are near. Where these close on the particle it is stuck, and noted as `unplaced`;
+  so it is where they are so nearly parallel that it would have to leave between them at SQUEEZE
+  times the speed at which they close: plates that close are never parallel but to rounding.
 - A particle that starts a step inside a collider takes this step by `collision_then_contact`,
   which repels it.
 - After EVENTS events in a step a particle stops where it is; the counter `undecided` says so.
@@ -67,6 +69,7 @@ EVENTS = 100_000        # most events of a particle in a step
 CHATTER = 800           # most collisions without time between them
 DEEP = 8.0              # times the touching depth: inside, and not by rounding
 HOP = 1e4 * EPSILON     # relative size of a hop that counts as no time between two collisions
+SQUEEZE = 1e3           # times the speed at which surfaces close: fastest that they push one out
 NEAR = 1e4              # times the touching depth: surfaces among which a particle hops
 
 
@@ -303,6 +306,25 @@ def _approaches(met, count):
 
 
 @kernel
+def _is_squeezed(here, courses, poses, met, count, t, x, v):
+    """Whether surfaces that close on a particle would have to throw it out, without restitution."""
+    for k in range(count):
+        met[k, NEED] = -met[k, SPEED]
+    push, choice, _ = least_push(met, count)
+    if choice[1] == NONE:
+        return False
+    first = material_velocity(courses, poses, here, surface_of(met, choice[0]) // FACES, t, x)
+    closing = 0.0
+    for k in range(1, 3):
+        if choice[k] != NONE:
+            obj = material_velocity(courses, poses, here, surface_of(met, choice[k]) // FACES, t,
+                                    x)
+            closing = max(closing, length(subtract(obj, first)))
+    before = length(subtract(v, first))
+    return length(subtract(add(v, push), first)) > 2.0 * before + SQUEEZE * closing
+
+
+@kernel
 def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, t, x, v):
     """
     End collisions without time between them: inelastic against all surfaces that are near.
@@ -470,6 +492,9 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, met, lo
         if _approaches(met, count):
             hop = (length(forces.gravity) * (t - last) + length(v)) * (t - last)
             rapid = rapid + 1 if t == last or hop <= HOP * (length(x) + here.way) else 0
+            if count > 1 and _is_squeezed(here, courses, poses, met, count, t, x, v):
+                return _jam(here, courses, poses, log, accounts, notes, ledger,
+                            surface_of(met, 0), facing(met, 0), t, duration, x, v)
             if rapid <= CHATTER:
                 v = _collide(rules, forces, here, table, poses, courses, log, accounts, ledger,
                              met, count, duration, t, x, v)

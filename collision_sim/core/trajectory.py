@@ -99,16 +99,14 @@ def path_distance(present, table, poses, row, c, radius, arm, move, axis, angle,
 
 @inlined
 def safe_step(f, slope, bend, touching):
-    """
-    Time for which f stays above -touching where it bends down by at most `bend`.
-
-    In the form of the root that subtracts nothing: `bend` may be as small as rounding.
-    """
-    room = max(f + touching, 0.0)
-    root = sqrt(slope * slope + 2.0 * bend * room)
-    if slope < 0.0:
-        return 2.0 * room / (root - slope)
-    return (slope + root) / bend if bend > 0.0 else NEVER
+    """Time for which f stays above -touching where it bends down by at most `bend`."""
+    above = max(f + touching, 0.0)
+    if bend > 0.0:
+        root = sqrt(slope * slope + 2.0 * bend * above)
+        if slope < 0.0:     # no difference of what is alike: a turn may be as small as rounding
+            return 2.0 * above / (root - slope)
+        return (slope + root) / bend
+    return NEVER if slope >= 0.0 else above / -slope
 
 
 @kernel

@@ -214,3 +214,25 @@ def test_rest_of_a_ball_in_a_corner_of_a_room():
     assert impulse_error(sim, sim.velocity.copy()) <= 1e-14
     assert_array_equal(sim.velocity, 0.0)
     assert_allclose(sim.contacts.impulse.sum(axis=0), (-0.1, -0.2, 0.1 * G), atol=1e-14)
+
+
+@pytest.mark.parametrize('angle', [0.0, 1e-13, 1e-9, 1e-5, 1e-4])
+def test_plates_that_close_are_not_a_wedge(angle):
+    """Who is held between plates that are parallel but to rounding is stuck, and nobody throws."""
+    sim = simulate([plane(), plane((np.sin(angle), 0.0, -np.cos(angle)), (0.0, 0.0, 1.0), 'lid',
+                                   motion={'linear_velocity': [0.0, 0.0, -3.0]})],
+                   (0.0, 0.0, 0.4), (0.1, 0.0, 0.0), gravity=WEIGHTLESS, dt=0.05, method='exact')
+    sim.advance(0.35)
+    assert sim.counters['unplaced'] == 1
+    assert np.abs(sim.velocity).max() <= 3.0 and np.abs(sim.position).max() < 1.0
+
+
+def test_a_wedge_that_closes_throws():
+    """Its apex comes on at V / tan(angle), and drives a point along the floor at that speed."""
+    angle = np.radians(5.0)
+    sim = simulate([plane(), plane((-np.sin(angle), 0.0, -np.cos(angle)), (0.0, 0.0, 0.0), 'lid',
+                                   motion={'linear_velocity': [0.0, 0.0, -1.0]})],
+                   (-2.0, 0.0, 0.0), gravity=WEIGHTLESS, dt=0.05, method='exact')
+    sim.advance(0.3)
+    assert_allclose(sim.velocity[0], (-1.0 / np.tan(angle), 0.0, 0.0), atol=1e-12)
+    assert sim.counters['unplaced'] == 0
