@@ -57,7 +57,7 @@ def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
     times, accounts = np.full(x.shape[0], inf), np.zeros((1, ACCOUNTS), dtype=np.int64)
     work = np.empty((ROWS, 6))
     for i in range(x.shape[0]):
-        here = surfaces.Spot(0, 0, 0, 0, 0, radius[i], None, None, 0.0)
+        here = surfaces.Spot(0, 0, 0, 0, 0, radius[i], None, None, None, 0.0)
         path = Path(FLIES, NOBODY, 0.0, (x[i, 0], x[i, 1], x[i, 2]), (v[i, 0], v[i, 1], v[i, 2]),
                     True, (a[i, 0], a[i, 1], a[i, 2]), k[i], 0.0, False)
         side = table[i, 0, SIDE]

@@ -457,7 +457,7 @@ def _spot(here, forces, duration, v):
     """Return where a particle is, with its way in a step: at its highest velocity, and falling."""
     way = duration * (length(v) + duration * length(forces.gravity))
     return Spot(here.step, here.start, here.end, here.block, here.particle, here.radius,
-                here.chosen, here.answers, max(here.way, way))
+                here.chosen, here.answers, here.only, max(here.way, way))
 
 
 @inlined
@@ -567,7 +567,8 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                here = Spot(step, start, end, block, i, radius_at(radius, i), None, None, 0.0)
+                here = Spot(step, start, end, block, i, radius_at(radius, i), None, None, None,
+                            0.0)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
                 x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
                                         met, log, accounts, notes, ledger, duration, x0, v0)

@@ -56,6 +56,7 @@ class Spot(NamedTuple):
     radius: float
     chosen: Optional[np.ndarray]
     answers: Optional[np.ndarray]
+    only: Optional[np.ndarray]
     way: float
 
 
