@@ -20,6 +20,7 @@ import os
 from pathlib import Path
 
 from hypothesis import settings
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -51,6 +52,15 @@ if os.access(ROOT, os.W_OK):
 def pytest_addoption(parser):
     parser.addoption('--long', action='store_true',
                      help='many runs of the tests of signals and of the soak, for hours')
+
+
+def pytest_collection_modifyitems(items):
+    """Leave out where Numba compiles what is only worth it where nothing is compiled."""
+    if os.environ.get('NUMBA_DISABLE_JIT', '0') == '0':
+        skip = pytest.mark.skip(reason='each scene has kernels of its own: see .ci/run')
+        for item in items:
+            if item.get_closest_marker('plain'):
+                item.add_marker(skip)
 
 
 settings.register_profile('dev', deadline=None)

@@ -21,6 +21,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, FAR, METHODS, plane, simulate, sphere, STAGED, UPRIGHT
 
+pytestmark = pytest.mark.plain
+
 every_method = pytest.mark.parametrize('method', METHODS)
 SHAPES = {'sphere': {'radius': 1.0}, 'box': {'size': [1.2, 1.6, 2.0]},
           'capsule': {'radius': 0.5, 'length': 1.0}, 'cylinder': {'radius': 0.6, 'length': 2.0}}

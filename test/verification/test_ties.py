@@ -24,6 +24,8 @@ import numpy as np
 import pytest
 from small_scenes import METHODS, simulate
 
+pytestmark = pytest.mark.plain
+
 DETECTIONS = ('end_of_step', 'trajectory')
 
 

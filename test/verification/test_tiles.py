@@ -22,6 +22,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, G, METHODS, plane, simulate, STAGED
 
+pytestmark = pytest.mark.plain
+
 METHODS_AND_DETECTIONS = [*product(METHODS, ('end_of_step', 'trajectory')),
                           ('exact', 'end_of_step')]
 every_way = pytest.mark.parametrize(('method', 'detection'), METHODS_AND_DETECTIONS)
