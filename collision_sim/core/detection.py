@@ -259,11 +259,13 @@ def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
         if depth == 0.0:
             gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
             gap -= here.radius
-            touches = gap <= rounding_depth(here, table, poses, c, x0)
+            rounding = rounding_depth(here, table, poses, c, x0)
+            touches = gap <= rounding
             face = face_below(table, poses, here.end, c, x1, n)
             if face != NONE and (touches or dot(start, n) > STRAIGHT):
-                height, start = height_over(table, poses, here.start, c, face, x0)
-                gap = max(height - here.radius, 0.0)
+                height, over = height_over(table, poses, here.start, c, face, x0)
+                if not touches or height - here.radius >= -rounding:    # and no other face
+                    start, gap = over, max(height - here.radius, 0.0)
             cosine = dot(start, n)
             if touches:
                 return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
