@@ -38,6 +38,8 @@ from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_v
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
                                         scaled, subtract, turned)
 
+ENOUGH = 1e-6           # share of the speed of a repulsion that may lack
+
 
 @kernel
 def distance(rules, here, table, poses, row, c, point):
@@ -230,11 +232,17 @@ def start_approach(checks, v0, obj, n, rounding):
 
 @inlined
 def mean_approach(rules, depth, n, obj, u):
-    """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
+    """
+    Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion.
+
+    A repulsion that lacks ENOUGH of its speed is answered no more. That the normal turns on the
+    way, or another collider pushes too, would else take pass after pass, until rounding ends it.
+    """
     if depth > 0.0:
         target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
         v_n = dot(subtract(u, obj), n)
-        return (v_n if v_n < target - ROUNDING * (largest(u) + largest(obj)) else target), target
+        blur = max(ENOUGH * target, ROUNDING * (largest(u) + largest(obj)))
+        return (v_n if v_n < target - blur else target), target
     return approach(u, obj, n), 0.0
 
 
