@@ -32,7 +32,7 @@ from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUN
 from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, seam_width, signed_distance,
                                        SIZE)
 from collision_sim.core.ties import (comes_first, hits_first, lacks_alike, SAME_TIME,
-                                     stands_first)
+                                     stands_first, ties)
 from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
                                            relative_motion)
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
@@ -353,17 +353,18 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     -------
     touch : Touch
     inside : int
-        How many colliders the particle ends inside of.
+        0 where the particle ends outside of all colliders, 1 inside of any; more where there may
+        be others to answer at once with the one to act on (`rival`).
 
     """
     hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
-    hit_blur, press_blur = 0.0, 0.0
+    hit_blur, press_blur, hit_ties, press_ties = 0.0, 0.0, 0, 0
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
-        inside, collision = inside + 1, NOTHING
+        inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
@@ -372,18 +373,23 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
                                       n, stays)
         if collision.hit:
-            if comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep, hit_blur,
-                           v0):
+            first, tied = comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep,
+                                      hit_blur, v0)
+            hit_ties = ties(first, tied, hit_ties)
+            if first:
                 hit, deep, hit_blur = collision, phi_k, blur
         elif phi_k <= phi + blur + press_blur:
             touch = _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi_k, n,
                               stays)
-            if touch.collider != NONE and comes_first(
-                    table, poses, here.end, touch, phi_k, blur, press, phi, press_blur, u):
-                press, phi, press_blur = touch, phi_k, blur
+            if touch.collider != NONE:
+                first, tied = comes_first(table, poses, here.end, touch, phi_k, blur, press, phi,
+                                          press_blur, u)
+                press_ties = ties(first, tied, press_ties)
+                if first:
+                    press, phi, press_blur = touch, phi_k, blur
     if hit.hit and press.collider != NONE:
         hit = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u)
-    return (hit if hit.hit else press), inside
+    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
 
 
 @kernel
@@ -401,7 +407,7 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
             if collision.hit and comes_first(
-                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0) and (
+                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0)[0] and (
                     not _is_left(None, rules, here, table, poses, motion, press, collision, x0,
                                  x1, v0)):
                 hit, deep, hit_blur = collision, phi, blur
@@ -508,6 +514,7 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     """
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
+    hit_ties, press_ties = 0, 0
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
@@ -515,25 +522,29 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
                                           x0, x1, v0, u)
         if tau > 1.0:
             continue
-        inside, collision = inside + 1, NOTHING
+        inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         if collides and depth == 0.0:
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
         if collision.hit:
-            if hits_first(table, poses, here.end, collision, tau, phi, blur, hit, hit_time, deep,
-                          hit_blur, v0):
+            first, tied = hits_first(table, poses, here.end, collision, tau, phi, blur, hit,
+                                     hit_time, deep, hit_blur, v0)
+            hit_ties = ties(first, tied, hit_ties)
+            if first:
                 hit, hit_time, deep, hit_blur = collision, tau, phi, blur
         elif tau <= press_time + SAME_TIME:
             touch = _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau,
                                    phi, n, arm, stays)
-            if touch.collider != NONE and hits_first(
-                    table, poses, here.end, touch, tau, phi, blur, press, press_time,
-                    deepest_press, press_blur, u):
-                press, press_time, deepest_press, press_blur = touch, tau, phi, blur
+            if touch.collider != NONE:
+                first, tied = hits_first(table, poses, here.end, touch, tau, phi, blur, press,
+                                         press_time, deepest_press, press_blur, u)
+                press_ties = ties(first, tied, press_ties)
+                if first:
+                    press, press_time, deepest_press, press_blur = touch, tau, phi, blur
     if hit.hit and press.collider != NONE and press_time <= hit_time:
         hit = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u)
-    return (hit if hit.hit else press), inside
+    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
 
 
 @kernel
@@ -552,8 +563,8 @@ def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x
                                            tau, n, arm, stays)
             if collision.hit and hits_first(
                     table, poses, here.end, collision, tau, phi, blur, hit, first, deep, hit_blur,
-                    v0) and not _is_left(1, rules, here, table, poses, motion, press, collision,
-                                         x0, x1, v0):
+                    v0)[0] and not _is_left(1, rules, here, table, poses, motion, press,
+                                            collision, x0, x1, v0):
                 hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
 
