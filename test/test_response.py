@@ -230,13 +230,16 @@ def test_deepest_collider_first(method):
         assert walls[first]['name'] == 'deep'
 
 
-def test_equal_depths_take_the_first():
-    """Ties go to the collider that comes first in the scene."""
-    walls = [plane((1.0, 0.0, 0.0), name='a'), plane((0.0, 1.0, 0.0), name='b')]
-    sim = simulate(walls, (0.01, 0.01, 0.0), (-3.0, -3.0, 0.0), gravity=(0.0, 0.0, 0.0), dt=0.01,
-                   restitution=1.0)
-    sim.step()
-    assert sim.contacts.collider.tolist() == [0, 1]
+def test_equal_depths_do_not_take_the_first():
+    """Two walls as deep act at once, in any order in the scene."""
+    walls, found = [plane((1.0, 0.0, 0.0), name='a'), plane((0.0, 1.0, 0.0), name='b')], []
+    for order in (walls, walls[::-1]):
+        sim = simulate(order, (0.01, 0.01, 0.0), (-3.0, -3.0, 0.0), gravity=(0.0, 0.0, 0.0),
+                       dt=0.01, restitution=1.0)
+        sim.step()
+        found.append([order[c]['name'] for c in sim.contacts.collider])
+        assert_array_equal(sim.velocity[0], (3.0, 3.0, 0.0))
+    assert found[0] == found[1] and sorted(found[0]) == ['a', 'b']
 
 
 def test_ball_radius():

@@ -32,11 +32,13 @@ from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUN
 from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, seam_width, signed_distance,
                                        SIZE)
 from collision_sim.core.ties import (comes_first, hits_first, lacks_alike, SAME_TIME,
-                                     stands_first)
+                                     stands_first, ties)
 from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
                                            relative_motion)
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
                                         scaled, subtract, turned)
+
+ENOUGH = 1e-6           # share of the speed of a repulsion that may lack
 
 
 @kernel
@@ -256,11 +258,17 @@ def start_approach(checks, v0, obj, n, rounding):
 
 @inlined
 def mean_approach(rules, depth, n, obj, u):
-    """Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion."""
+    """
+    Give the normal velocity of u, and the one to reach: 0, or the speed of repulsion.
+
+    A repulsion that lacks ENOUGH of its speed is answered no more. That the normal turns on the
+    way, or another collider pushes too, would else take pass after pass, until rounding ends it.
+    """
     if depth > 0.0:
         target = repulsion(depth, rules.flight.dt, rules.share, rules.highest)
         v_n = dot(subtract(u, obj), n)
-        return (v_n if v_n < target - ROUNDING * (largest(u) + largest(obj)) else target), target
+        blur = max(ENOUGH * target, ROUNDING * (largest(u) + largest(obj)))
+        return (v_n if v_n < target - blur else target), target
     return approach(u, obj, n), 0.0
 
 
@@ -285,11 +293,13 @@ def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
         if depth == 0.0:
             gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
             gap -= here.radius
-            touches = gap <= rounding_depth(here, table, poses, c, x0)
+            rounding = rounding_depth(here, table, poses, c, x0)
+            touches = gap <= rounding
             face = face_below(table, poses, here.end, c, x1, n)
             if face != NONE and (touches or dot(start, n) > STRAIGHT):
-                height, start = height_over(table, poses, here.start, c, face, x0)
-                gap = max(height - here.radius, 0.0)
+                height, over = height_over(table, poses, here.start, c, face, x0)
+                if not touches or height - here.radius >= -rounding:    # and no other face
+                    start, gap = over, max(height - here.radius, 0.0)
             cosine = dot(start, n)
             if touches:
                 return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
@@ -369,17 +379,18 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     -------
     touch : Touch
     inside : int
-        How many colliders the particle ends inside of.
+        0 where the particle ends outside of all colliders, 1 inside of any; more where there may
+        be others to answer at once with the one to act on (`rival`).
 
     """
     hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
-    hit_blur, press_blur = 0.0, 0.0
+    hit_blur, press_blur, hit_ties, press_ties = 0.0, 0.0, 0, 0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
-        inside, collision = inside + 1, NOTHING
+        inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
@@ -388,18 +399,23 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
                                       n, stays)
         if collision.hit:
-            if comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep, hit_blur,
-                           v0):
+            first, tied = comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep,
+                                      hit_blur, v0)
+            hit_ties = ties(first, tied, hit_ties)
+            if first:
                 hit, deep, hit_blur = collision, phi_k, blur
         elif phi_k <= phi + blur + press_blur:
             touch = _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi_k, n,
                               stays)
-            if touch.collider != NONE and comes_first(
-                    table, poses, here.end, touch, phi_k, blur, press, phi, press_blur, u):
-                press, phi, press_blur = touch, phi_k, blur
+            if touch.collider != NONE:
+                first, tied = comes_first(table, poses, here.end, touch, phi_k, blur, press, phi,
+                                          press_blur, u)
+                press_ties = ties(first, tied, press_ties)
+                if first:
+                    press, phi, press_blur = touch, phi_k, blur
     if hit.hit and press.collider != NONE:
         hit = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u)
-    return (hit if hit.hit else press), inside
+    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
 
 
 @kernel
@@ -417,7 +433,7 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
             if collision.hit and comes_first(
-                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0) and (
+                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0)[0] and (
                     not _is_left(None, rules, here, table, poses, motion, press, collision, x0,
                                  x1, v0)):
                 hit, deep, hit_blur = collision, phi, blur
@@ -534,6 +550,7 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     """
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
+    hit_ties, press_ties = 0, 0
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
@@ -541,25 +558,29 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
                                           x0, x1, v0, u)
         if tau > 1.0:
             continue
-        inside, collision = inside + 1, NOTHING
+        inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         if collides and depth == 0.0:
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
         if collision.hit:
-            if hits_first(table, poses, here.end, collision, tau, phi, blur, hit, hit_time, deep,
-                          hit_blur, v0):
+            first, tied = hits_first(table, poses, here.end, collision, tau, phi, blur, hit,
+                                     hit_time, deep, hit_blur, v0)
+            hit_ties = ties(first, tied, hit_ties)
+            if first:
                 hit, hit_time, deep, hit_blur = collision, tau, phi, blur
         elif tau <= press_time + SAME_TIME:
             touch = _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau,
                                    phi, n, arm, stays)
-            if touch.collider != NONE and hits_first(
-                    table, poses, here.end, touch, tau, phi, blur, press, press_time,
-                    deepest_press, press_blur, u):
-                press, press_time, deepest_press, press_blur = touch, tau, phi, blur
+            if touch.collider != NONE:
+                first, tied = hits_first(table, poses, here.end, touch, tau, phi, blur, press,
+                                         press_time, deepest_press, press_blur, u)
+                press_ties = ties(first, tied, press_ties)
+                if first:
+                    press, press_time, deepest_press, press_blur = touch, tau, phi, blur
     if hit.hit and press.collider != NONE and press_time <= hit_time:
         hit = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u)
-    return (hit if hit.hit else press), inside
+    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
 
 
 @kernel
@@ -578,8 +599,8 @@ def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x
                                            tau, n, arm, stays)
             if collision.hit and hits_first(
                     table, poses, here.end, collision, tau, phi, blur, hit, first, deep, hit_blur,
-                    v0) and not _is_left(1, rules, here, table, poses, motion, press, collision,
-                                         x0, x1, v0):
+                    v0)[0] and not _is_left(1, rules, here, table, poses, motion, press,
+                                            collision, x0, x1, v0):
                 hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
 

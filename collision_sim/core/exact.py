@@ -307,7 +307,7 @@ def _approaches(met, count):
 
 @kernel
 def _is_squeezed(here, courses, poses, met, count, t, x, v):
-    """Whether surfaces that close on a particle would throw it out, without restitution."""
+    """Whether surfaces that close on a particle would have to throw it out, inelastic as it is."""
     for k in range(count):
         met[k, NEED] = -met[k, SPEED]
     push, choice, _ = least_push(met, count)

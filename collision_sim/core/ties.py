@@ -85,7 +85,7 @@ def is_before(table, poses, row, one, other, v):
 @inlined
 def comes_first(table, poses, row, one, phi, blur, other, phi_other, blur_other, v):
     """
-    Whether a Touch comes before the first one so far, or NOTHING: deeper, or as deep and before.
+    Compare a Touch with the first one so far, or NOTHING: deeper, or as deep and before.
 
     Parameters
     ----------
@@ -98,16 +98,27 @@ def comes_first(table, poses, row, one, phi, blur, other, phi_other, blur_other,
     v : (3,) tuple of float [m/s]
         Velocity that they act on.
 
+    Returns
+    -------
+    first, tied : bool
+        Whether it comes before the other one, and whether it is as deep.
+
     """
     if other.collider != NONE and abs(phi - phi_other) <= blur + blur_other:
-        return is_before(table, poses, row, one, other, v)
-    return phi < phi_other
+        return is_before(table, poses, row, one, other, v), True
+    return phi < phi_other, False
 
 
 @inlined
 def hits_first(table, poses, row, one, tau, phi, blur, other, tau_other, phi_other, blur_other, v):
-    """Whether a Touch comes before, as `comes_first`, on a path: earlier, else deeper."""
+    """Compare as `comes_first`, on a path: earlier, else deeper."""
     if abs(tau - tau_other) <= SAME_TIME and abs(phi - phi_other) <= blur + blur_other:
         if other.collider != NONE:
-            return is_before(table, poses, row, one, other, v)
-    return tau < tau_other or (tau == tau_other and phi < phi_other)
+            return is_before(table, poses, row, one, other, v), True
+    return tau < tau_other or (tau == tau_other and phi < phi_other), False
+
+
+@inlined
+def ties(first, tied, count):
+    """Count the colliders that are tied with the first one, after one more."""
+    return count + 1 if tied else (0 if first else count)

@@ -56,7 +56,8 @@ def stays_outside(case, run, random):
     """
     Who starts a step outside of all colliders ends it outside, to rounding, or is counted.
 
-    (Who starts inside of one may be pushed into another one.)
+    (Who starts inside of one may be pushed into another one. Inside is also who starts walled in
+    in the seam of two that lie face to face: on the surfaces of both.)
     """
     for k, step in enumerate(run):
         if is_excused(step):
@@ -67,7 +68,9 @@ def stays_outside(case, run, random):
         for c in solid:
             collider, (before, after) = step.scene.colliders[c], step.gaps[c]
             bad = np.flatnonzero(free & ~(after >= -2.0 * slack(case, step, c)))
-            if len(bad):
+            bad = [i for i in bad if not buried(case, step, i, step.poses0, step.x0,
+                                                ALL_AROUND) > 0.0]
+            if bad:
                 i = bad[0]
                 return (f'step {k}: particle {i} goes from {before[i]:.3g} m outside of '
                         f'{collider.name} to {-after[i]:.3g} m inside')
@@ -85,7 +88,7 @@ def buried(case, step, i, poses, x, around):
 
 def stays_out_of_all(case, run, random):
     """
-    Who starts a step with free space on some side does not end it walled in on all sides.
+    Who starts a step outside, with free space on some side, does not end it walled in all around.
 
     That is the bound for the union of colliders side by side: a point in the seam of two tiles is
     on the surface of both, and yet inside. Radii count; the rounding of a distance is far below
@@ -96,10 +99,17 @@ def stays_out_of_all(case, run, random):
             continue
         for i in _between(step):
             limit = 0.002 * ASKED
-            if (buried(case, step, i, step.poses, step.x, AROUND) > limit
+            if (_starts_outside(case, step, i)
+                    and buried(case, step, i, step.poses, step.x, AROUND) > limit
                     and buried(case, step, i, step.poses0, step.x0, ALL_AROUND) < -0.05 * ASKED
                     and buried(case, step, i, step.poses, step.x, ALL_AROUND) > 0.0):
                 return f'step {k}: particle {i} ends walled in at {step.x[i].tolist()}'
+
+
+def _starts_outside(case, step, i, but=None):
+    """Whether a particle starts a step outside of all colliders, or all but one, to rounding."""
+    return all(step.gaps[c, 0, i] >= -slack(case, step, c)[i]
+               for c in range(len(step.gaps)) if c != but)
 
 
 def passes_nothing(case, run, random):
@@ -110,7 +120,8 @@ def passes_nothing(case, run, random):
     (response.resolve), but for the sag d^2 / 8 R of a slide by d on a round surface or round an
     edge, and for the fall g dt^2 / 2 of one who slides over an edge. Only for colliders that do
     not turn in the step, with which the chord is straight. Meshes are never passed through,
-    whatever the detection: the chord has no crossing with them.
+    whatever the detection: the chord has no crossing with them, unless another collider pushes a
+    particle that starts inside of it.
     """
     for k, step in enumerate(run):
         if is_excused(step):
@@ -132,6 +143,8 @@ def _crosses(case, step, c):
     if np.abs(np.subtract(q0, q1)).max() > 1e-12:
         return None
     for i in range(len(step.x)):
+        if not _starts_outside(case, step, i, but=c):
+            continue
         count = crossings(collider, (p0, q0), (p1, q1), step.x0[i], step.x[i])
         ends = np.abs([distance(collider, (p0, q0), step.x0[i:i + 1])[0],
                        distance(collider, (p1, q1), step.x[i:i + 1])[0]])

@@ -30,11 +30,14 @@ from functools import cached_property
 from pathlib import Path
 import tempfile
 
-from collision_sim import Scene, Simulation, tables
+from collision_sim import kinematics, Scene, Simulation, tables
 from distances import distance
 import numpy as np
 
 UPRIGHT = [0.0, 0.0, 0.0, 1.0]
+# Scripted poses are laid out for so many steps at once: for 64, which is nothing when compiled,
+# plain Python takes longer than for all else in a step. And so what comes between is tried, too.
+kinematics.AHEAD = 4
 
 
 @dataclass(eq=False)
