@@ -44,7 +44,7 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPU
 from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
 from collision_sim.core.rules import NONE, ROUNDING
-from collision_sim.core.shapes import RESTITUTION, STATIC
+from collision_sim.core.shapes import RESTITUTION, STATIC, WET
 from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 import numpy as np
 
@@ -53,6 +53,7 @@ SHIFT = 1e-11           # on a diagonal of ones
 SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
 MISSING = 1e-6          # share of what is wanted that shows that
+WILD = 1e3              # times the speeds: friction that changes more has no end
 SQUEEZED = 30.0         # times the approaches: a faster way out of a squeeze is none
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
 TURNS = 80              # of normal impulses and friction
@@ -477,19 +478,57 @@ def _is_done(dry, wet, change, before, speed):
 
 
 @kernel
-def _end_approaches(dry, wet, laws, pile, first, count, room):
-    """Find the impulses of a group that leave its end velocities within their bounds."""
-    _begin(pile, first, count, room)
+def _rubs(dry, wet, laws, pile, first, count):
+    """Whether there is friction in a group of contacts: coefficients of zero change no bit."""
+    for k in range(count):
+        row = pile.ends[pile.member[first + k], LAW_ROW]
+        if dry is not None:
+            if laws[row, STATIC] > 0.0:
+                return True
+        if wet is not None:
+            if laws[row, WET] > 0.0:
+                return True
+    return False
+
+
+@kernel
+def _find_friction(dry, wet, laws, pile, first, count, room):
+    """Find the friction of a group that presses, and what it presses with then; whether it ends."""
     speed, before = _largest_speed(pile, first, count, FREE), inf
     for turn in range(TURNS):
-        _press_normally(pile, first, count, room, ENDING, END_BOUND)
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
+        if not change <= WILD * (speed + _fastest_bound(pile, first, count)):
+            return False
+        _press_normally(pile, first, count, room, ENDING, END_BOUND)
         if _is_done(dry, wet, change, before, speed):
             break
         before = change
-    if dry is not None or wet is not None:
-        _press_normally(pile, first, count, room, ENDING, END_BOUND)
-        _take_over_normal_impulses(pile, first, count, room)
+    return True
+
+
+@kernel
+def _fastest_bound(pile, first, count):
+    """Largest bound [m/s] of the end velocities of a group."""
+    fastest = 0.0
+    for k in range(count):
+        fastest = max(fastest, abs(pile.contacts[pile.member[first + k], END_BOUND]))
+    return fastest
+
+
+@kernel
+def _end_approaches(dry, wet, laws, pile, first, count, room):
+    """
+    Find the impulses of a group that leave its end velocities within their bounds.
+
+    Friction that wedges a group up makes impulses that grow from turn to turn: it has none then.
+    """
+    _begin(pile, first, count, room)
+    _press_normally(pile, first, count, room, ENDING, END_BOUND)
+    if _rubs(dry, wet, laws, pile, first, count):
+        if not _find_friction(dry, wet, laws, pile, first, count, room):
+            _begin(pile, first, count, room)
+            _press_normally(pile, first, count, room, ENDING, END_BOUND)
+    _take_over_normal_impulses(pile, first, count, room)
     restrain(pile, first, count)
 
 
