@@ -493,7 +493,7 @@ def _rubs(dry, wet, laws, pile, first, count):
 
 @kernel
 def _find_friction(dry, wet, laws, pile, first, count, room):
-    """Find the friction of a group that presses, and what it presses with then; whether it ends."""
+    """Find the friction of a group, and what presses with it; whether that has an end."""
     speed, before = _largest_speed(pile, first, count, FREE), inf
     for turn in range(TURNS):
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
