@@ -21,7 +21,7 @@ from collision_sim.core.motion import MOTION, SHIFT, TURN
 from collision_sim.core.rotation import rotation_matrix
 from collision_sim.core.shapes import (BOX, CAPSULE, COLUMNS, CYLINDER, KIND, PLANE, Present, SIDE,
                                        SIZE, SPHERE)
-from collision_sim.core.trajectory import NEVER, safe_step
+from collision_sim.core.trajectory import NEVER
 from numba import njit
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
@@ -37,6 +37,12 @@ UNTURNED = (0.0, 0.0, 0.0)
 every_shape = pytest.mark.parametrize(('shape', 'side'), [
     (shape, side) for shape in SHAPES for side in (1.0, -1.0) if shape != 'plane' or side > 0.0])
 every_turn = pytest.mark.parametrize('turn', [0.0, 0.3, 5.0, 50.0])
+
+
+@njit(error_model='numpy')
+def safe_step(f, slope, bend, touching):
+    """Call that of trajectory.py, which only compiled code can."""
+    return trajectory.safe_step(f, slope, bend, touching)
 
 
 @njit(error_model='numpy')
@@ -217,13 +223,6 @@ def test_plane(still, radius):
         assert one('plane', x0=(0.0, 0.0, 1.0), dx=dx, radius=radius, still=still)[0] == NEVER
 
 
-@pytest.mark.parametrize('bend', [0.0, 1e-300, 1e-19, 1e-17, 3e-17, 1e-16, 1e-14])
-def test_a_turn_that_is_only_rounding(bend):
-    """How far a step may go does not come from a difference of what is alike."""
-    for f, slope in ((0.0153, -0.098), (0.5, -3.0), (1e-9, -1.0)):
-        assert safe_step(f, slope, bend, 0.0) == pytest.approx(f / -slope, rel=1e-12)
-
-
 @pytest.mark.parametrize('scale', [1e-9, 1.0, 1e6])
 def test_sphere(scale):
     """Time of impact of a ray, from a quadratic: outside the first root, inside the second."""
@@ -392,7 +391,7 @@ def test_sweep_margin():
 @pytest.mark.parametrize('slope', [-1.0, -0.3, 0.0, 0.4])
 def test_safe_step_where_next_to_nothing_bends(slope, bend):
     """It is the root of f + slope h - bend h^2 / 2, of which a small bend loses no digits."""
-    f, step = 0.25, trajectory.safe_step(0.25, slope, bend, 0.0)
+    f, step = 0.25, safe_step(0.25, slope, bend, 0.0)
     if bend == 0.0 and slope >= 0.0:
         assert step == NEVER
     elif step < 1e100:
