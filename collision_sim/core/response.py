@@ -58,13 +58,15 @@ SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where p
 def record(log, accounts, here, c, state, point, n, dv):
     """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
     if log is not None:
-        b, i, rows = here.block, here.particle, accounts[here.block, N_LOGGED]
+        b, i, rows, own = here.block, here.particle, accounts[here.block, N_LOGGED], 0
         for k in range(max(rows - MOST_CONTACTS, 0), rows):
-            if log[b, k, 0] == i and log[b, k, 1] == c:
-                for d in range(3):
-                    log[b, k, CHANGE + d] += dv[d]
-                return
-        if rows >= MOST_CONTACTS and log[b, rows - MOST_CONTACTS, 0] == i or rows == log.shape[1]:
+            if log[b, k, 0] == i:
+                own += 1
+                if log[b, k, 1] == c:
+                    for d in range(3):
+                        log[b, k, CHANGE + d] += dv[d]
+                    return
+        if own == MOST_CONTACTS or rows == log.shape[1]:
             return
         log[b, rows, 0], log[b, rows, 1], log[b, rows, 2] = i, c, state
         for d in range(3):

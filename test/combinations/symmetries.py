@@ -187,6 +187,11 @@ def quaternion(matrix):
 
 
 def _compare_rotated(case, run, frame, random):
+    """Compare with the rotated case; springs without a length are along x (core/springs.py)."""
+    at = np.array(case['scene']['particles']['position'], dtype=float)
+    if any(np.array_equal(at[i], at[j])
+           for i, j in case['scene'].get('springs', {}).get('pairs', ())):
+        return None
     others = play(rotated(case, frame))
     return compare(case, run, others, lambda x, v, time: (x @ frame, v @ frame), random)
 
