@@ -29,13 +29,13 @@ from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
-from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, seam_width, signed_distance,
-                                       SIZE)
-from collision_sim.core.ties import (comes_first, hits_first, lacks_alike, SAME_TIME,
-                                     stands_first, ties)
+from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, RESTITUTION, seam_width,
+                                       signed_distance, SIZE)
+from collision_sim.core.ties import (ALIKE, is_before, lacks_alike, SAME_TIME, stands_first,
+                                     to_units)
 from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
                                            relative_motion)
-from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, rotate_back,
+from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, origin, rotate_back,
                                         scaled, subtract, turned)
 
 ENOUGH = 1e-6           # share of the speed of a repulsion that may lack
@@ -379,12 +379,12 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     -------
     touch : Touch
     inside : int
-        0 where the particle ends outside of all colliders, 1 inside of any; more where there may
-        be others to answer at once with the one to act on (`rival`).
+        0 where the particle ends outside of all colliders, 1 inside of any; 2 where it may be as
+        deep in others (`foremost`).
 
     """
     hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
-    hit_blur, press_blur, hit_ties, press_ties = 0.0, 0.0, 0, 0
+    hit_blur, press_blur, hit_near, press_near = 0.0, 0.0, False, False
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
@@ -399,23 +399,23 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
                                       n, stays)
         if collision.hit:
-            first, tied = comes_first(table, poses, here.end, collision, phi_k, blur, hit, deep,
-                                      hit_blur, v0)
-            hit_ties = ties(first, tied, hit_ties)
-            if first:
+            hit_near = hit_near or (hit.hit and abs(phi_k - deep) <= blur + hit_blur)
+            if phi_k < deep:
                 hit, deep, hit_blur = collision, phi_k, blur
         elif phi_k <= phi + blur + press_blur:
             touch = _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi_k, n,
                               stays)
             if touch.collider != NONE:
-                first, tied = comes_first(table, poses, here.end, touch, phi_k, blur, press, phi,
-                                          press_blur, u)
-                press_ties = ties(first, tied, press_ties)
-                if first:
+                press_near = press_near or (press.collider != NONE
+                                            and abs(phi_k - phi) <= blur + press_blur)
+                if phi_k < phi:
                     press, phi, press_blur = touch, phi_k, blur
     if hit.hit and press.collider != NONE:
-        hit = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u)
-    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
+        hit, hit_near = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0,
+                                     u), False
+    if hit.hit:
+        return hit, inside + hit_near
+    return press, inside + press_near
 
 
 @kernel
@@ -432,10 +432,11 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
                                          phi, n)
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
-            if collision.hit and comes_first(
-                    table, poses, here.end, collision, phi, blur, hit, deep, hit_blur, v0)[0] and (
-                    not _is_left(None, rules, here, table, poses, motion, press, collision, x0,
-                                 x1, v0)):
+            first = phi < deep
+            if hit.hit and abs(phi - deep) <= blur + hit_blur:
+                first = is_before(table, poses, here.end, collision, hit, v0)
+            if collision.hit and first and not _is_left(
+                    None, rules, here, table, poses, motion, press, collision, x0, x1, v0):
                 hit, deep, hit_blur = collision, phi, blur
     return hit
 
@@ -550,7 +551,7 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     """
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
-    hit_ties, press_ties = 0, 0
+    hit_near, press_near = False, False
     for m in range(how_many(acted_on(here.only, here.chosen), table)):
         k = nth(acted_on(here.only, here.chosen), m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
@@ -564,23 +565,25 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
         if collision.hit:
-            first, tied = hits_first(table, poses, here.end, collision, tau, phi, blur, hit,
-                                     hit_time, deep, hit_blur, v0)
-            hit_ties = ties(first, tied, hit_ties)
-            if first:
+            hit_near = hit_near or (hit.hit and abs(tau - hit_time) <= SAME_TIME
+                                    and abs(phi - deep) <= blur + hit_blur)
+            if tau < hit_time or (tau == hit_time and phi < deep):
                 hit, hit_time, deep, hit_blur = collision, tau, phi, blur
         elif tau <= press_time + SAME_TIME:
             touch = _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau,
                                    phi, n, arm, stays)
             if touch.collider != NONE:
-                first, tied = hits_first(table, poses, here.end, touch, tau, phi, blur, press,
-                                         press_time, deepest_press, press_blur, u)
-                press_ties = ties(first, tied, press_ties)
-                if first:
+                press_near = press_near or (
+                    press.collider != NONE and abs(tau - press_time) <= SAME_TIME
+                    and abs(phi - deepest_press) <= blur + press_blur)
+                if tau < press_time or (tau == press_time and phi < deepest_press):
                     press, press_time, deepest_press, press_blur = touch, tau, phi, blur
     if hit.hit and press.collider != NONE and press_time <= hit_time:
-        hit = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u)
-    return (hit, inside + hit_ties) if hit.hit else (press, inside + press_ties)
+        hit, hit_near = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0,
+                                           x1, v0, u), False
+    if hit.hit:
+        return hit, inside + hit_near
+    return press, inside + press_near
 
 
 @kernel
@@ -597,10 +600,11 @@ def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x
             blur = rounding_depth(here, table, poses, k, x0)
             collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
                                            tau, n, arm, stays)
-            if collision.hit and hits_first(
-                    table, poses, here.end, collision, tau, phi, blur, hit, first, deep, hit_blur,
-                    v0)[0] and not _is_left(1, rules, here, table, poses, motion, press,
-                                            collision, x0, x1, v0):
+            earlier = tau < first or (tau == first and phi < deep)
+            if hit.hit and abs(tau - first) <= SAME_TIME and abs(phi - deep) <= blur + hit_blur:
+                earlier = is_before(table, poses, here.end, collision, hit, v0)
+            if collision.hit and earlier and not _is_left(
+                    1, rules, here, table, poses, motion, press, collision, x0, x1, v0):
                 hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
 
@@ -635,9 +639,9 @@ def _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1, v0, 
 
 
 @kernel
-def rival(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
+def foremost(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
     """
-    Find the one collider that a particle meets just like that of a touch: as deep, and as fast.
+    Find the collider to act on first, of those that are met just when that of a touch is, as deep.
 
     Parameters
     ----------
@@ -648,29 +652,119 @@ def rival(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, v0,
 
     Returns
     -------
-    Touch
-        NOTHING if there is none, or more than one; with parallel normals they are one surface.
+    first : Touch
+        By ties.is_before, whatever the order of colliders is.
+    tau, phi, blur : float [-], [m], [m]
+        When they are met, how deep they are, and how much of that is only rounding.
 
     """
-    found, v = NOTHING, v0 if touch.hit else u
+    v, first = (v0 if touch.hit else u), touch
     _, tau, phi = _meeting(sweep, rules, here, table, poses, motion, accounts, touch.collider, x0,
                            x1, v0, u, touch.hit)
     blur = rounding_depth(here, table, poses, touch.collider, x0)
     for m in range(how_many(here.chosen, table)):
+        other = _tied(sweep, rules, here, table, poses, motion, accounts, nth(here.chosen, m),
+                      touch, tau, phi, blur, x0, x1, v0, u)
+        if other.collider != NONE and is_before(table, poses, here.end, other, first, v):
+            first = other
+    return first, tau, phi, blur
+
+
+@inlined
+def _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0,
+          u):
+    """Return the Touch of collider k if it is met at time tau, and as deep as phi; or NOTHING."""
+    other, tau_k, phi_k = _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1,
+                                   v0, u, touch.hit)
+    if (other.collider != NONE and abs(tau_k - tau) <= SAME_TIME and other.stays == touch.stays
+            and abs(phi_k - phi) <= blur + rounding_depth(here, table, poses, k, x0)):
+        return other
+    return NOTHING
+
+
+@kernel
+def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u,
+               first):
+    """
+    Find the next collider that a particle meets just like that of a touch: as deep, and as fast.
+
+    Parameters
+    ----------
+    sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u
+        As in `detect`.
+    touch : Touch
+        The first one, of `foremost`.
+    tied : (3,) tuple of float
+        What else that has found.
+    first : int
+        From which of the chosen colliders on.
+
+    Returns
+    -------
+    other : Touch
+        NOTHING if there is none; with a parallel normal it is the same surface, and not counted.
+    later : int
+        From which one on to look for more.
+
+    """
+    for m in range(first, how_many(here.chosen, table)):
         k = nth(here.chosen, m)
         if k == touch.collider:
             continue
-        other, tau_k, phi_k = _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0,
-                                       x1, v0, u, touch.hit)
-        if (other.collider != NONE and abs(tau_k - tau) <= SAME_TIME
-                and abs(phi_k - phi) <= blur + rounding_depth(here, table, poses, k, x0)
-                and other.stays == touch.stays and lacks_alike(touch, other, v)):
+        other = _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tied[0],
+                      tied[1], tied[2], x0, x1, v0, u)
+        if other.collider != NONE and lacks_alike(touch, other, v0 if touch.hit else u):
             cosine = dot(touch.normal, other.normal)
             if 1.0 - cosine * cosine >= PARALLEL:
-                if found.collider != NONE:
-                    return NOTHING
-                found = other
-    return found
+                return other, m + 1
+    return NOTHING, how_many(here.chosen, table)
+
+
+@kernel
+def rivals(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u):
+    """
+    Find the colliders that a particle meets just like that of a touch.
+
+    Parameters
+    ----------
+    sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u
+        As in `next_rival`.
+
+    Returns
+    -------
+    two : Touch
+        The first of them, NOTHING if there is none.
+    more : bool
+        Whether there are others.
+    push : (3,) tuple of float [-]
+        Sum of the normals of all; to the last bit whatever their order is, as they are rounded to
+        multiples of UNIT. Zero where it does not push off all of them alike, or where these move
+        in different ways.
+    eps : float [-]
+        Between the least and the largest restitution.
+
+    """
+    two, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
+                        v0, u, 0)
+    push, other, more = to_units(touch.normal), two, False
+    least = most = table[touch.collider, RESTITUTION]
+    while other.collider != NONE:
+        push = add(push, to_units(other.normal))
+        least = min(least, table[other.collider, RESTITUTION])
+        most = max(most, table[other.collider, RESTITUTION])
+        other, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0,
+                              x1, v0, u, m)
+        more = more or other.collider != NONE
+    along, other, m = dot(push, touch.normal), two, 0
+    while more and other.collider != NONE:
+        other, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0,
+                              x1, v0, u, m)
+        if other.collider != NONE:
+            blur = ROUNDING * (largest(other.obj) + largest(touch.obj))
+            if (not abs(dot(push, other.normal) - along) <= ALIKE * along
+                    or largest(subtract(other.obj, touch.obj)) > blur):
+                push = (0.0, 0.0, 0.0)
+    return two, more, push, 0.5 * (least + most)
 
 
 @inlined

@@ -208,14 +208,15 @@ def book_shift(ledger, here, account, dx):
 
 
 @inlined
-def _book_pull(ledger, here, dt, du, lawful):
+def book_pull(ledger, here, dt, du, lawful):
     """Book the work of gravity that a change of the mean velocity brings; the contact's part."""
-    pull = dt * dot(ledger.gravity, du)
-    book(ledger, here, GRAVITY, pull)
-    if lawful:
+    if ledger is not None:
+        pull = dt * dot(ledger.gravity, du)
+        book(ledger, here, GRAVITY, pull)
+        if not lawful:
+            return pull
         book(ledger, here, REPULSED, -pull)
-        return 0.0
-    return pull
+    return 0.0
 
 
 @inlined
@@ -246,7 +247,7 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         dw, du = subtract(w1, w), subtract(u1, u)
         middle = add(touch.normal, n_end)
         n = scaled(1.0 / length(middle), middle)
-        work, pull = dot(dw, obj), _book_pull(ledger, here, dt, du, lawful)
+        work, pull = dot(dw, obj), book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, c, work, dw)
         rest = kinetic(w, w1) - pull - work
         if touch.target > 0.0:
@@ -315,7 +316,7 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
         _, au, bu = two_parts(n1, n2, du)
         second, g = subtract(dw, first), ledger.gravity
         work1, work2 = dot(first, obj1), dot(second, obj2)
-        pull = _book_pull(ledger, here, dt, du, lawful)
+        pull = book_pull(ledger, here, dt, du, lawful)
         book_impulse(ledger, here, one.collider, work1, first)
         book_impulse(ledger, here, two.collider, work2, second)
         along = a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)

@@ -32,14 +32,15 @@ which it is equally deep act at once (ties.py).
 """
 
 from collision_sim.core.candidates import candidate_of, fly_anew, is_settled
-from collision_sim.core.detection import (approach, blocker, detect, distance, is_same_surface,
-                                          rival, rounding_depth)
+from collision_sim.core.detection import (approach, blocker, detect, distance, foremost,
+                                          is_same_surface, next_rival, rivals, rounding_depth)
 from collision_sim.core.impulses import (doubtful_change, joint_law, law_at_once, respond,
                                          two_parts)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse
-from collision_sim.core.ledger import (book_at_once, book_collision, book_contact, book_joint,
-                                       book_placing, book_shift, CONTACT, lost_in_pass, REPULSED,
+from collision_sim.core.ledger import (book, book_at_once, book_collision, book_contact,
+                                       book_impulse, book_joint, book_placing, book_pull,
+                                       book_shift, CONTACT, kinetic, lost_in_pass, REPULSED,
                                        RESTITUTED)
 from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity
 from collision_sim.core.nearby import chosen_within, reach_of
@@ -49,7 +50,7 @@ from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, 
                                       PARALLEL, POINT, REPULSION, SLIDE, STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
-from collision_sim.core.vectors import add, add_scaled, dot, length, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 
 SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where pairs have led him
 
@@ -100,12 +101,12 @@ def collide(rules, here, table, log, accounts, ledger, touch, v0):
 
 
 @inlined
-def collide_with_both(rules, here, table, log, accounts, ledger, one, two, v0):
+def collide_with_both(rules, here, table, log, accounts, ledger, one, two, eps, v0):
     """
     Collision stage with two colliders at once, of which none comes before the other (ties.py).
 
-    Both ask for the mean of their restitutions: with one of its own each, two that are at an acute
-    angle could bring energy.
+    Both ask for the mean of their restitutions, eps: with one of its own each, two that are at an
+    acute angle could bring energy.
 
     Returns
     -------
@@ -116,8 +117,7 @@ def collide_with_both(rules, here, table, log, accounts, ledger, one, two, v0):
 
     """
     c1, n1, c2, n2 = one.collider, one.normal, two.collider, two.normal
-    target = -0.5 * (table[c1, RESTITUTION] + table[c2, RESTITUTION]) * one.v_n
-    after, a, _ = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, target, v0)
+    after, a, _ = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, -eps * one.v_n, v0)
     if a > 0.0:
         record_jointly(log, accounts, here, one, two, COLLISION, one.point, subtract(after, v0))
         book_at_once(ledger, rules, here, table, one, two, one.obj, two.obj, v0, v0, v0, after,
@@ -273,8 +273,8 @@ def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, 
 
 
 @inlined
-def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, u, w,
-                  first, lawful):
+def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, eps, u,
+                  w, first, lawful):
     """
     One pass of the contact stage against two colliders, of which none comes before the other.
 
@@ -289,7 +289,6 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
 
     """
     c1, n1, c2, n2, dt = one.collider, one.normal, two.collider, two.normal, rules.flight.dt
-    eps = 0.5 * (table[c1, RESTITUTION] + table[c2, RESTITUTION])
     target = _contact_target(rules.checks, eps, one.v_n, one.target, first)
     u_after, a, b = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, target, u)
     if not a > 0.0:
@@ -312,6 +311,60 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
                  account, lawful)
     accounts[here.block, counter] += 2
     return u_after, w_after, True
+
+
+@kernel
+def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v0, touch, tied,
+             push, eps, u, w, first, lawful):
+    """
+    Collision or contact with more than two colliders at once, of which none comes before another.
+
+    Who lacks as much of all of them lacks it along `push`, the sum of their normals (`rivals`),
+    and does not slip: each does the same share. Else as `collide_with_both` and `press_on_both`.
+
+    Returns
+    -------
+    u, w : (3,) tuple of float [m/s]
+        Mean and end velocity after it; of a collision both are the velocity v0 after it.
+    answered : bool
+        Whether all push, and are answered.
+
+    """
+    n, along = touch.normal, dot(push, touch.normal)
+    if not along > 0.0:
+        return u, w, False
+    target, v, end = -eps * touch.v_n, v0, v0
+    state, counter, account, pull, lost = COLLISION, N_COLLISION, RESTITUTED, 0.0, 0.0
+    if not touch.hit:
+        target, v, end = _contact_target(rules.checks, eps, touch.v_n, touch.target, first), u, w
+        state, counter, account = SLIDE, N_CONTACT, CONTACT
+    a = (target - touch.v_n) / along
+    after = add_scaled(v, a, push) if target > 0.0 else touch.obj
+    w_after, b = after, a
+    if not touch.hit:
+        if touch.target > 0.0:
+            state, counter, account = REPULSION, N_REPULSION, REPULSED
+        elif target > 0.0:
+            state, counter, square = COLLISION, N_COLLISION, dot(push, push)
+            lost = a * touch.v_n * square / along + 0.5 * a * a * square
+        pull = book_pull(ledger, here, rules.flight.dt, subtract(after, u), lawful)
+        w_after = add(w, subtract(after, u))
+        if rules.checks is not None or lawful or touch.target > 0.0:
+            obj = point_velocity(motion, poses, here.step, END, here.end, touch.collider, x1)
+            b = -approach(w, obj, n) / along
+            w_after = obj if b > 0.0 else w
+    work, other, m = 0.0, touch, 0
+    while other.collider != NONE:
+        share = scaled(b, other.normal)
+        record(log, accounts, here, other.collider, state, x1, other.normal, share)
+        book_impulse(ledger, here, other.collider, dot(share, touch.obj), share)
+        work += dot(share, touch.obj)
+        accounts[here.block, counter] += 1
+        other, m = next_rival(rules.sweep, rules, here, table, poses, motion, accounts, touch,
+                              tied, x0, x1, v0, u, m)
+    book(ledger, here, RESTITUTED, lost)
+    book(ledger, here, account, kinetic(end, w_after) - work - pull - lost)
+    return after, w_after, True
 
 
 @inlined
@@ -418,31 +471,42 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
                                v0, u, passes == 0 and hits < CHECKS and not settled)
         if not inside and other.collider == NONE:
             return x1, w
+        two, more, push, eps, at_once = NOTHING, False, NOTHING.obj, 0.0, False
+        tied = 0.0, 0.0, 0.0
+        if inside > 1:
+            touch, tau, phi, blur = foremost(rules.sweep, rules, here, table, poses, motion,
+                                             accounts, touch, x0, x1, v0, u)
+            tied = tau, phi, blur
+            two, more, push, eps = rivals(rules.sweep, rules, here, table, poses, motion, accounts,
+                                          touch, tied, x0, x1, v0, u)
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
-        two, at_once = NOTHING, False
-        if inside > 1:
-            two = rival(rules.sweep, rules, here, table, poses, motion, accounts, touch, x0, x1,
-                        v0, u)
+        elastic = (passes == 0 or rules.once) and not settled
         if touch.hit:
             after = v0
-            if two.collider != NONE:
+            if more:
+                after, _, at_once = meet_all(rules, here, table, poses, motion, log, accounts,
+                                             ledger, x0, x1, v0, touch, tied, push, eps, u, w,
+                                             False, False)
+            elif two.collider != NONE:
                 after, at_once = collide_with_both(rules, here, table, log, accounts, ledger,
-                                                   touch, two, v0)
+                                                   touch, two, eps, v0)
             if not at_once:
                 after = collide(rules, here, table, log, accounts, ledger, touch, v0)
             u, w = fly_anew(candidates, ledger, here, rules.flight, v0, after, u, w)
             v0, free = after, (u, w)
             hits += 1
             continue
-        elastic = (passes == 0 or rules.once) and not settled
-        if two.collider != NONE and not lawful and are_both_kept(rules.second, touch, two):
+        if more:
+            u, w, at_once = meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0,
+                                     x1, v0, touch, tied, push, eps, u, w, elastic, lawful)
+        elif two.collider != NONE and not lawful and are_both_kept(rules.second, touch, two):
             u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
                               ledger, x0, v0, touch, two, free, (u, w))
             at_once = True
         elif two.collider != NONE:
             u, w, at_once = press_on_both(rules, here, table, poses, motion, log, accounts, ledger,
-                                          x0, touch, two, u, w, elastic, lawful)
+                                          x0, touch, two, eps, u, w, elastic, lawful)
         if at_once:
             lawful = lawful or touch.target > 0.0
             last, other, passes = touch, NOTHING, passes + 1

@@ -24,7 +24,7 @@ of frequency w it brings the relative energy 2 (w dt)^2 with each bounce.
 """
 
 from collision_sim.core.blocks import radius_at
-from collision_sim.core.detection import detect
+from collision_sim.core.detection import detect, foremost
 from collision_sim.core.jit import entry, kernel
 from collision_sim.core.response import collide
 from collision_sim.core.rules import Here
@@ -45,6 +45,9 @@ def _strike_block(rules, block, table, poses, motion, radius, log, accounts, led
         x1 = add_scaled(x0, rules.flight.dt, mean)
         touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
                                v0, mean, True)
+        if inside > 1:
+            touch, _, _, _ = foremost(rules.sweep, rules, here, table, poses, motion, accounts,
+                                      touch, x0, x1, v0, mean)
         if inside and touch.hit:
             after = collide(rules, here, table, log, accounts, ledger, touch, v0)
             v[0, i], v[1, i], v[2, i] = after

@@ -17,16 +17,18 @@ Which collider comes first where a particle is equally deep in several.
 
 That is not left to their order in the scene. The one that is approached fastest comes first; then
 the one that takes most from a particle, by less restitution and more friction: both are the same
-in a mirror image. Where even that is alike, two colliders are answered at once (response.py);
-where they cannot be, or are more than two, their normals are compared, and last their places.
+in a mirror image. Where even that is alike, the colliders are answered at once (response.py); for
+what that cannot do, their normals are compared, and last their places.
 """
 
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.rules import ROUNDING
 from collision_sim.core.shapes import COLUMNS, KINETIC, RESTITUTION, STATIC, WET
 from collision_sim.core.vectors import largest
 
 SAME_TIME = 1e-12       # share of a step that two impacts on a path may be apart by rounding
+ALIKE = 1e-9            # relative: how far pushes that are alike may be apart
+UNIT = 2.0 ** -49       # of normals in a sum: that of eight is exact, whatever their order is
 
 
 @kernel
@@ -62,6 +64,12 @@ def stands_first(table, poses, row, k, n, other, n_other):
 
 
 @inlined
+def to_units(n):
+    """Round a normal so that sums of some have no rounding, and no order."""
+    return (UNIT * round(n[0] / UNIT), UNIT * round(n[1] / UNIT), UNIT * round(n[2] / UNIT))
+
+
+@inlined
 def lack(touch):
     """Return the normal velocity [m/s] that a touch lacks of what is asked for, negative."""
     return touch.v_n - touch.target
@@ -69,9 +77,9 @@ def lack(touch):
 
 @inlined
 def lacks_alike(one, other, v):
-    """Whether a particle of velocity v lacks as much of two touches, to rounding."""
+    """Whether a particle of velocity v lacks as much of two touches, but for rounding."""
     blur = ROUNDING * (largest(v) + largest(one.obj) + largest(other.obj))
-    return abs(lack(one) - lack(other)) <= blur
+    return abs(lack(one) - lack(other)) <= max(blur, ALIKE * abs(lack(one)))
 
 
 @kernel
@@ -80,45 +88,3 @@ def is_before(table, poses, row, one, other, v):
     if not lacks_alike(one, other, v):
         return lack(one) < lack(other)
     return stands_first(table, poses, row, one.collider, one.normal, other.collider, other.normal)
-
-
-@inlined
-def comes_first(table, poses, row, one, phi, blur, other, phi_other, blur_other, v):
-    """
-    Compare a Touch with the first one so far, or NOTHING: deeper, or as deep and before.
-
-    Parameters
-    ----------
-    table, poses, row
-        As in shapes.signed_distance.
-    one, other : Touch
-        The touch, and the first one so far.
-    phi, phi_other, blur, blur_other : float [m]
-        Signed distances to their colliders, and how much of these is only rounding.
-    v : (3,) tuple of float [m/s]
-        Velocity that they act on.
-
-    Returns
-    -------
-    first, tied : bool
-        Whether it comes before the other one, and whether it is as deep.
-
-    """
-    if other.collider != NONE and abs(phi - phi_other) <= blur + blur_other:
-        return is_before(table, poses, row, one, other, v), True
-    return phi < phi_other, False
-
-
-@inlined
-def hits_first(table, poses, row, one, tau, phi, blur, other, tau_other, phi_other, blur_other, v):
-    """Compare as `comes_first`, on a path: earlier, else deeper."""
-    if abs(tau - tau_other) <= SAME_TIME and abs(phi - phi_other) <= blur + blur_other:
-        if other.collider != NONE:
-            return is_before(table, poses, row, one, other, v), True
-    return tau < tau_other or (tau == tau_other and phi < phi_other), False
-
-
-@inlined
-def ties(first, tied, count):
-    """Count the colliders that are tied with the first one, after one more."""
-    return count + 1 if tied else (0 if first else count)

@@ -273,7 +273,8 @@ def groove(dice, case):
     count, angle = dice.whole(2, 5), np.radians(dice.pick(20.0, 45.0, 60.0, 69.0, 80.0))
     normals = [[np.sin(angle) * np.cos(t), np.sin(angle) * np.sin(t), np.cos(angle)]
                for t in 2.0 * np.pi * np.arange(count) / count]
-    colliders = [{'shape': 'plane', 'normal': [short(entry, 6) for entry in n]} for n in normals]
+    colliders = [{'shape': 'plane', 'normal': [round(entry, 6) + 0.0 for entry in n]}
+                 for n in normals]       # so that mirror images are exact
     _moving(dice, colliders, 0.15)
     return colliders, [(np.zeros(3), np.array((0.0, 0.0, 1.0)))]
 

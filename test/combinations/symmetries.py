@@ -213,36 +213,58 @@ def own_mirror_image(case, run, random):
     """
     See that what is its own mirror image stays so: particles in pairs, or on the plane.
 
-    No nudge is asked for here: whatever happens, happens to both sides alike. Who starts inside,
-    as far from two faces, has to take one of them, and those on the plane that balance on an edge.
+    The planes among the colliders, too, are in pairs, or across. No nudge is asked for here:
+    whatever happens, happens to both sides alike. Who starts inside, as far from two faces, has to
+    take one of them, and those on the plane that balance on an edge.
     """
+    scene = case['scene']
+    if acts(case, 'move') or acts(case, 'place') or acts(case, 'set') or 'drag' in scene \
+            or 'springs' in scene:
+        return None
+    for axis in range(3):
+        flip = np.ones(3)
+        flip[axis] = -1.0
+        partner = _mirrored_particles(case, flip)
+        if partner is None or not _mirrors_planes(scene.get('colliders', ()), flip) \
+                or scene.get('gravity', [0.0, 0.0, -9.81])[axis] != 0.0:
+            continue
+        for k, step in enumerate(run):
+            length, speed = lengths(step)
+            if not (np.abs(step.x[partner] * flip - step.x).max() <= TOLERANCE * length
+                    and np.abs(step.v[partner] * flip - step.v).max() <= TOLERANCE * speed):
+                return (f'step {k}: {step.x.tolist()}, {step.v.tolist()} is no mirror image of '
+                        f'itself across axis {axis}')
+    return None
+
+
+def _mirrored_particles(case, flip):
+    """Give the mirror image of each particle; None where one has none."""
     position = np.array(case['scene']['particles']['position'], dtype=float).reshape(-1, 3)
     velocity = np.broadcast_to(case['scene']['particles'].get('velocity', 0.0), position.shape)
-    flip = np.array((1.0, -1.0, 1.0))
-    partner = []
+    mass, radius, partner = each(case, 'mass', 1.0), each(case, 'radius', 0.0), []
     for i in range(len(position)):
         same = [j for j in range(len(position)) if np.array_equal(position[j], flip * position[i])
                 and np.array_equal(velocity[j], flip * velocity[i])
-                and each(case, 'mass', 1.0)[i] == each(case, 'mass', 1.0)[j]
-                and each(case, 'radius', 0.0)[i] == each(case, 'radius', 0.0)[j]]
+                and mass[i] == mass[j] and radius[i] == radius[j]]
         if not same:
             return None
         partner.append(same[0])
-    scene = case['scene']
-    if acts(case, 'move') or acts(case, 'place') or acts(case, 'set') or 'drag' in scene \
-            or 'springs' in scene or scene.get('gravity', [0.0] * 3)[1] != 0.0:
-        return None
-    for collider in scene.get('colliders', ()):
-        if not (collider['shape'] == 'plane' and 'motion' not in collider
-                and 'orientation' not in collider and collider.get(
-                    'normal', [0.0, 0.0, 1.0])[1] == 0.0):
-            return None
-    for k, step in enumerate(run):
-        length, speed = lengths(step)
-        if not (np.abs(step.x[partner] * flip - step.x).max() <= TOLERANCE * length
-                and np.abs(step.v[partner] * flip - step.v).max() <= TOLERANCE * speed):
-            return f'step {k}: {step.x.tolist()}, {step.v.tolist()} is no mirror image of itself'
-    return None
+    return partner
+
+
+def _mirrors_planes(colliders, flip):
+    """Say whether colliders are still planes that are in pairs, or their own mirror images."""
+    found = []
+    for collider in colliders:
+        if collider['shape'] != 'plane' or 'motion' in collider or 'orientation' in collider:
+            return False
+        laws = {key: value for key, value in collider.items()
+                if key in ('restitution', 'friction', 'inside')}
+        found.append((np.array(collider.get('normal', (0.0, 0.0, 1.0)), dtype=float),
+                      np.array(collider.get('point', (0.0, 0.0, 0.0)), dtype=float), laws))
+    return all(any(np.array_equal(flip * normal, other) and np.array_equal(flip * point, there)
+                   and laws == those for other, there, those in found)
+               for normal, point, laws in found)
 
 
 # ------------------------------------------------------------------------------- frames and units
