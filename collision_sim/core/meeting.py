@@ -109,8 +109,10 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
             obj = material_velocity(courses, poses, here, c, t, x)
             rounding = ROUNDING * (length(v) + length(obj))
             w, s = subtract(v, obj), FACES * c + face
-            other = open_face(rules, here, table, poses, courses, c, here.radius, t, x, n,
-                              touching)
+            other = 0
+            if not dot(w, n) > rounding:    # who goes over a seam leaves it to the next collider
+                other = open_face(rules, here, table, poses, courses, c, here.radius, t, x, n,
+                                  touching)
             if other > 0:
                 s = FACES * c + other
                 n = gap_to(rules, here, table, poses, courses, c, other, side, here.radius, t,

@@ -272,7 +272,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
         rounding = ROUNDING * (largest(v) + largest(obj))
         if gap <= touching:
             beside = 0
-            if rate >= -rounding and face == 0 and side > 0.0:      # it may fall along a seam
+            if abs(rate) <= rounding and face == 0 and side > 0.0:  # it may fall along a seam
                 beside = open_face(rules, here, table, poses, courses, c, radius, t, x, n,
                                    touching)
                 if beside > 0:
