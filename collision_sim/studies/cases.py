@@ -189,9 +189,8 @@ def groove(count):
     walls = [plane((c, 0.0, s), 'left'), plane((-c, 0.0, s), 'right')]
     return Case('groove', 'Along a groove of 60° (T55), µ = 0.2',
                 scene(walls, start, velocity, dry=mu), 1.0,
-                slide(start, velocity, mu * G / s), by_method(1.0, second_order=2.0),
-                'The walls are answered one after the other, the deepest first; together by '
-                '`second_order_contact`, and then as on the belt.')
+                slide(start, velocity, mu * G / s), by_method(2.0),
+                'Walls that are equally deep are answered together, and then as on the belt.')
 
 
 def drag(count):
