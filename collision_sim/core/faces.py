@@ -18,7 +18,7 @@ Which face of a box or a cylinder answers a particle that ends inside it.
 The nearest face need not be the one that the particle came through, and of colliders side by side
 (tiles, bricks, rods end to end) it may be one that nobody can come through. The rule:
 
-- A face is no face where another collider covers it.
+- A face is no face where another collider covers it, which begins where that leans on it.
 - A particle that starts outside is answered by the face that it crossed last, since it is inside
   from there on; of those that it crossed, since the others it has not come through.
 - Where all that it crossed are covered, by the one crossed last: it came past a concave corner.
@@ -41,6 +41,7 @@ from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, o
                                         rotate_back, subtract, turned)
 
 FLUSH = 1e-9            # relative: how far before a face it is looked whether another covers it
+FLAT = 0.999            # cosine of the angle between faces from which they lie flat on each other
 PAST = 2.0              # time of crossing of a face that is not crossed
 
 
@@ -183,6 +184,17 @@ def _distance_at(rules, table, poses, motion, here, c, tau, point):
     return arm_distance(rules.present, table, poses, here.start, c, arm)[0]
 
 
+@inlined
+def leans(depth, deeper, margin):
+    """
+    Whether a collider that is as near to a face as a seam meets it at an acute angle.
+
+    It does not cover the face then, however acute that is: the face begins there. In what lies
+    flat on a face a point is as much deeper [m] as it is further from the face.
+    """
+    return deeper - depth < FLAT * margin
+
+
 @kernel
 def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_inside):
     """
@@ -207,13 +219,20 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
     """
     place = origin(poses, here.start, c)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
-    p = drawn_in(table, c, face, q, margin)
+    p = drawn_in(table, c, face, q, 2.0 * margin)
     n = face_at(table, c, face, p)[1]
     probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
     for m in range(how_many(here.chosen, table)):
         k = nth(here.chosen, m)
-        if k != c and _distance_at(rules, table, poses, motion, here, k, tau,
-                                   probe) <= -0.5 * margin:
+        depth = 0.0
+        if k != c:
+            depth = -_distance_at(rules, table, poses, motion, here, k, tau, probe)
+        if depth >= 0.5 * margin:
+            if depth <= 2.0 * margin:
+                further = _place_at(poses, motion, here, c, tau, add_scaled(p, 2.0 * margin, n))
+                if leans(depth, -_distance_at(rules, table, poses, motion, here, k, tau, further),
+                         margin):
+                    continue
             gap = signed_distance(rules.present, table, poses, here.start, k, x0)[0]
             rounding = ROUNDING * (largest(x0) + largest(place) + table[k, SIZE])
             if starts_inside or (gap >= -rounding and not _close_in(

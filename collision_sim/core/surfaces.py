@@ -29,7 +29,7 @@ from math import inf
 from typing import NamedTuple, Optional
 
 from collision_sim.core.courses import centre, material_velocity, spin_axis, spin_rate
-from collision_sim.core.faces import drawn_in, face_at, face_towards, FLUSH
+from collision_sim.core.faces import drawn_in, face_at, face_towards, FLUSH, leans
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, has_faces, KIND, local_distance,
                                        PLANE, SIDE, SIZE)
@@ -257,20 +257,29 @@ def _is_covered(rules, here, table, poses, courses, c, own, t, x):
     q = body_frame(courses, table, poses, here, c, t, subtract(x, place))
     face = _own(table, c, own)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
-    p = drawn_in(table, c, face, q, margin)
+    p = drawn_in(table, c, face, q, 2.0 * margin)
     before = world_frame(courses, poses, here, c, t, add_scaled(
         p, margin, face_at(table, c, face, p)[1]))
-    shapes = rules.present
+    n = world_frame(courses, poses, here, c, t, face_at(table, c, face, p)[1])
     for k in range(table.shape[0]):
         if k != c:
-            size = (table[k, SIZE], table[k, SIZE + 1], table[k, SIZE + 2])
             arm = add(before, subtract(place, centre(courses, poses, here, k, t)))
-            gap, _ = local_distance(
-                shapes.planes, shapes.spheres, shapes.boxes, shapes.capsules, shapes.cylinders,
-                table[k, KIND], body_frame(courses, table, poses, here, k, t, arm), size)
-            if table[k, SIDE] * gap <= -0.5 * margin:
+            depth = _depth_of(rules.present, here, table, poses, courses, k, t, arm)
+            if depth >= 0.5 * margin and (depth > 2.0 * margin or not leans(
+                    depth, _depth_of(rules.present, here, table, poses, courses, k, t,
+                                     add_scaled(arm, margin, n)), margin)):
                 return True
     return False
+
+
+@inlined
+def _depth_of(shapes, here, table, poses, courses, k, t, arm):
+    """Depth [m] in collider k of what is at `arm` from its position, world frame."""
+    size = (table[k, SIZE], table[k, SIZE + 1], table[k, SIZE + 2])
+    gap, _ = local_distance(
+        shapes.planes, shapes.spheres, shapes.boxes, shapes.capsules, shapes.cylinders,
+        table[k, KIND], body_frame(courses, table, poses, here, k, t, arm), size)
+    return -table[k, SIDE] * gap
 
 
 @inlined

@@ -29,7 +29,6 @@ SLACK = 256 * EPSILON
 # Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
 EVENT_SLACK = 1e-9
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
-ROUND = ('sphere', 'capsule', 'cylinder')
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
 EXCUSES = ('unplaced', 'undecided', 'frozen')
 AROUND = np.random.default_rng(0).standard_normal((64, 3))
@@ -167,26 +166,35 @@ def _cuts(case, step, c):
         chord = (1.0 - tau) * (step.x0[i] - p0) + tau * (step.x[i] - p1)
         depth = (radius[i] - distance(collider, (np.zeros(3), q0), chord)).max()
         fall = 0.5 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt ** 2
-        if depth > 1e-9 + 4.0 * blur[i] + fall + _sag(collider, radius[i], chord[-1] - chord[0]):
+        limit = 1e-9 + 4.0 * blur[i] + fall
+        if depth > limit and depth > limit + 1.001 * _sag(collider, q0, radius[i], chord[0],
+                                                          chord[-1], blur[i]):
             return f'particle {i} goes {depth:.3g} m deep through {collider.name}'
     return None
 
 
-def _sag(collider, radius, way):
+def _sag(collider, turn, radius, start, end, blur):
     """
-    How deep a chord may cut a round surface that the particle slides along [m].
+    How deep the chord of a slide may cut a round surface, or what a ball rounds at an edge [m].
 
-    Round is also an edge of a box, or the rim of a cylinder, for a ball, whose centre goes round
-    it at the distance of its radius. From one point of a circle of radius R to another one, at the
-    distance d, the chord sags by R (1 - cos(a / 2)), for a turn a = 2 asin(d / 2 R) of the normal.
-    The core takes no step for a slide in which the normal turns by more than 60 degrees
-    (rules.SAME_SIDE): so that is at most 0.134 d^2 / R, and at most 0.134 R.
+    A convex shape is behind the planes that touch it where the slide starts and where it ends: so
+    nothing of the chord is deeper than it is behind one of them. The core takes no step for a
+    slide in which the normal turns by more than 60 degrees (rules.SAME_SIDE), or that does not
+    begin on the surface.
     """
-    if collider.inside:
+    if distance(collider, (np.zeros(3), turn), start[None])[0] - radius > 1e-9 + blur:
         return 0.0
-    side = collider.size[0] + radius if collider.shape in ROUND else 0.0
-    edge = radius if collider.shape in ('box', 'cylinder') else 0.0
-    return sum(min(0.135 * (way @ way) / r, 0.135 * r) for r in (side, edge) if r > 0.0)
+    n0, n1 = (_normal(collider, turn, place) for place in (start, end))
+    down, up = n0 @ (start - end), n1 @ (end - start)
+    return down * up / (down + up) if n0 @ n1 > 0.5 and down > 0.0 and up > 0.0 else 0.0
+
+
+def _normal(collider, turn, place):
+    """Return the normal at a place beside a collider, from how the distance to it grows."""
+    places = place + 1e-7 * np.concatenate([np.eye(3), -np.eye(3)])
+    gaps = distance(collider, (np.zeros(3), turn), places)
+    n = gaps[:3] - gaps[3:]
+    return n / max(np.linalg.norm(n), 1e-300)
 
 
 def balls_keep_apart(case, run, random):

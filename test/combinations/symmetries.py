@@ -32,6 +32,7 @@ import numpy as np
 from scenes import product_of
 
 TOLERANCE = 1e-8        # of the lengths and speeds in the scene
+PLACED = 1e-5           # of those, where a fail-safe places, in corners however acute they are
 NUDGE = 2.0 ** -33      # of those, to see whether a run is steady
 AMPLIFIED = 1e5         # most that a steady run makes of a nudge
 EYE = np.eye(3)
@@ -85,7 +86,8 @@ def _nudged(case, random, most):
 def compare(case, run, others, back, random):
     """Tell the first step of a steady run in which the answers differ by more than rounding."""
     gaps = apart(run, others, back)
-    bad = [k for k, gap in enumerate(gaps) if not gap <= TOLERANCE]
+    bad = [k for k, gap in enumerate(gaps) if not gap <= (
+        PLACED if run[k].counters['fail_safes'] else TOLERANCE)]
     if not bad or not np.isfinite(gaps[bad[0]]) and not np.isfinite(run[bad[0]].x).all():
         return None
     if any(is_excused(step) for step in [*run[:bad[0] + 1], *others[:bad[0] + 1]]):

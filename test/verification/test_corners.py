@@ -349,3 +349,23 @@ def test_plates_that_open_again_let_go():
     sim.step(240)
     assert sim.clearance()[0] >= -1e-6
     assert np.linalg.norm(sim.velocity[0]) <= 2.0
+
+
+@pytest.mark.parametrize('degrees', (5, 15, 25, 44))
+@pytest.mark.parametrize('detection', ('end_of_step', 'trajectory'))
+@pytest.mark.parametrize('method', [*METHODS, 'exact'])
+def test_an_acute_groove_of_boxes_holds(method, detection, degrees):
+    """Where a box leans on another one it does not cover its face: nobody falls in between."""
+    walls = []
+    for side in (1.0, -1.0):
+        n = np.array((side * cos(np.radians(degrees)), 0.0, sin(np.radians(degrees))))
+        along, turn = np.array((-side * n[2], 0.0, abs(n[0]))), 0.5 * np.arctan2(n[0], n[2])
+        walls.append(box((2.0, 2.0, 0.2), (0.6 * along - 0.1 * n).tolist(),
+                         'left' if side > 0.0 else 'right',
+                         orientation=[0.0, sin(turn), 0.0, cos(turn)]))
+    sim = simulate(walls, [(0.001, 0.1, 0.1), (0.0, 0.0, 0.05), (0.003, -0.2, 0.15)],
+                   method=method, stepping={'detection': detection}, friction={'dry': 0.1},
+                   dt=1 / 120)
+    sim.step(90)
+    assert (sim.clearance() >= -1e-12).all() and (sim.position[:, 2] >= -1e-9).all()
+    assert np.abs(sim.position[:, (0, 2)]).max() < 0.01
