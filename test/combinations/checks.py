@@ -36,7 +36,7 @@ OF_THE_RUN = bounds.CHECKS + accounts.CHECKS + (symmetries.own_mirror_image,)
 OF_OTHER_RUNS = untouched.CHECKS + symmetries.CHECKS + neutral.CHECKS + limits.CHECKS
 CHECKS = {check.__name__: check for check in OF_THE_RUN + OF_OTHER_RUNS}
 RUNS = 'runs'       # the check that a scene which is accepted runs
-LONGEST = 20.0      # s of the process for a case, or one check of it; 0.05 s as a rule
+LONGEST = 60.0      # s of the process for a case, or one check of it; 0.05 s as a rule
 LONGEST_EXACT = 3.0     # s; see `_longest`
 
 
