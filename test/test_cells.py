@@ -114,7 +114,7 @@ def test_grid_finds_what_all_pairs_have_of_many(threads):
         x, v = places(kind, random, count), random.normal(size=(3, count))
         check(x, v, 0.06 * 10.0 ** random.uniform(-3.0, 0.0, count), threads=threads)
         check(x, v, np.full(count, 0.02), threads=threads)
-        check(x, v, np.full(count, 0.02), threads=threads, sweep=1)
+        check(x, v, np.full(count, 0.02), threads=threads, sweep=1, dt=0.003)
 
 
 def test_empty_space_costs_no_memory():

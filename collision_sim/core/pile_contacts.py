@@ -33,7 +33,8 @@ from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
-IN_CONTACT, MET_ANEW = -2, -3   # marks of a pair that is in contact, instead of a round
+# Marks of a pair instead of a round: in contact, met anew, and in contact since then.
+IN_CONTACT, MET_ANEW, MET = -2, -3, -4
 CARRIES, PUSHES_OUT = 0, 1      # what a collider does to a particle: on it, or inside it
 HOT = 1                 # mark of a particle whose contacts are solved again
 
@@ -70,16 +71,21 @@ def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, known, si
 
 
 @inlined
-def _end_bound(part, rests, v_n, gap, mean):
-    """Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there."""
-    if rests:
+def _end_bound(part, rests, v_n, gap, mean, fast):
+    """
+    Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there.
+
+    An approach v_n that no collision has answered is for the next step: where there is a gap, or
+    `fast`, where pushes have brought those together that approach faster than gravity makes it.
+    """
+    if rests and not fast:
         return 0.0
     touching = min((mean - (1.0 - part) * v_n) / part, 0.0)
-    return min(touching, v_n) if gap > 0.0 else touching
+    return min(touching, v_n) if gap > 0.0 or fast else touching
 
 
 @inlined
-def _pair_bounds(rules, part, dt, size, x, v, candidates, i, j, rests, n, gap):
+def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, n, gap, anew):
     """Bounds of the normal velocities of a pair with a gap [m] at the end of its candidates."""
     xi, xj = column(x, i), column(x, j)
     depth = size - length(subtract(xi, xj))
@@ -88,7 +94,8 @@ def _pair_bounds(rules, part, dt, size, x, v, candidates, i, j, rests, n, gap):
     else:
         mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
     v_n = dot(n, subtract(column(v, i), column(v, j)))
-    return mean, _end_bound(part, rests, v_n, gap, mean)
+    fast = anew and v_n < -pair_rules.slow
+    return mean, _end_bound(pair_rules.part, rests, v_n, gap, mean, fast)
 
 
 @inlined
@@ -116,10 +123,10 @@ def list_pairs(stage, again):
         if _is_in_contact(stage, again, p, i, j, gap - TOUCH * extent) and (
                 can_meet(matter, i, j)) and (
                 c < pile.ends.shape[0] and size + 2 <= pile.bodies.shape[0]):
-            meetings.looked[p] = IN_CONTACT
-            known = meetings.known[p]
-            mean, end = _pair_bounds(rules, pair_rules.part, dt, extent, x, v, candidates, i, j,
-                                     known != NONE, n, gap)
+            anew, known = meetings.looked[p] <= MET_ANEW, meetings.known[p]
+            meetings.looked[p] = MET if anew else IN_CONTACT
+            mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
+                                     known != NONE, n, gap, anew)
             a, size = body_of(pile, size, candidates, matter.inverse, i)
             b, size = body_of(pile, size, candidates, matter.inverse, j)
             _add_contact(pile, stage.memory, c, a, b, law, n, mean, end, known,
@@ -158,7 +165,7 @@ def _find_supports(stage, here, x0):
 
 
 @inlined
-def _support(stage, here, x0, c, gap, n, size, count):
+def _support(stage, here, x0, c, gap, n, size, count, again):
     """
     List collider c as a support of a particle, at a gap [m] at the end; how many there are then.
 
@@ -177,7 +184,8 @@ def _support(stage, here, x0, c, gap, n, size, count):
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n = dot(n, subtract(column(stage.v, i), first))
-    end = _end_bound(stage.pair_rules.part, known != NONE, v_n, gap, mean)
+    end = _end_bound(stage.pair_rules.part, known != NONE, v_n, gap, mean,
+                     again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
         _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
         return size, count
@@ -192,7 +200,7 @@ def _support(stage, here, x0, c, gap, n, size, count):
 
 
 @kernel
-def list_supports(stage, bodies, contacts, answers):
+def list_supports(stage, bodies, contacts, again, answers):
     """List the colliders that the bodies may press on; how many bodies and contacts there are."""
     pile, walls, size = stage.pile, stage.walls, bodies
     for a in range(bodies):
@@ -204,7 +212,7 @@ def list_supports(stage, bodies, contacts, answers):
                 return size, contacts
             c = walls.one[0] = walls.ends[k, 1]
             size, contacts = _support(stage, here, x0, c, walls.values[k, ORDER],
-                                      at(walls.values, k, ALONG), size, contacts)
+                                      at(walls.values, k, ALONG), size, contacts, again)
     return size, contacts
 
 

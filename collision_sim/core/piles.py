@@ -294,7 +294,7 @@ def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
         bodies = _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers)
     size, contacts = bodies, pairs
     if bodies > 0:
-        size, contacts = list_supports(stage, bodies, pairs, answers)
+        size, contacts = list_supports(stage, bodies, pairs, again, answers)
     groups, pile = group_contacts(stage.pile, size, contacts), stage.pile
     for g in range(groups):
         first, last = pile.group[g], pile.group[g + 1]

@@ -369,12 +369,12 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
 
 @inlined
 def press_both(second, rules, here, table, poses, motion, log, accounts, ledger, x0, v0, one, two,
-               free, passed):
+               new, free, passed):
     """
     Contact of second order with two colliders at once, in place of passes against each.
 
-    free, passed: mean and end velocity of the candidate, and after the pass against one of the
-    colliders that has been recorded.
+    new: how many of the two have not been counted yet; free, passed: mean and end velocity of the
+    candidate, and after the pass against one of the colliders that has been recorded.
 
     Returns
     -------
@@ -388,7 +388,7 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
                        subtract(w, passed[1]))
         book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u,
                    passed[1], w)
-        accounts[here.block, N_CONTACT] += 1
+        accounts[here.block, N_CONTACT] += new
         return u, w
     return passed
 
@@ -502,7 +502,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
                                      x1, v0, touch, tied, push, eps, u, w, elastic, lawful)
         elif two.collider != NONE and not lawful and are_both_kept(rules.second, touch, two):
             u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
-                              ledger, x0, v0, touch, two, free, (u, w))
+                              ledger, x0, v0, touch, two, 2, free, (u, w))
             at_once = True
         elif two.collider != NONE:
             u, w, at_once = press_on_both(rules, here, table, poses, motion, log, accounts, ledger,
@@ -512,7 +512,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             last, other, passes = touch, NOTHING, passes + 1
         elif passes == 1 and not lawful and are_both_kept(rules.second, last, touch):
             u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
-                              ledger, x0, v0, last, touch, free, (u, w))
+                              ledger, x0, v0, last, touch, 1, free, (u, w))
             last, other, passes = touch, last, 2
         else:
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,

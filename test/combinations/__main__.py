@@ -68,7 +68,7 @@ def main():
     if options.workers == 1:
         results = [_work(*jobs[0])]
     else:
-        context = multiprocessing.get_context('spawn')
+        context = multiprocessing.get_context('fork')     # spawn finds no functions here
         with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
             results = list(pool.map(_work, *zip(*jobs)))
     return _report(results)
