@@ -55,11 +55,16 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out where Numba compiles what is only worth it where nothing is compiled."""
+    """
+    Leave out, where Numba compiles, what is only worth it where nothing is compiled.
+
+    What is marked `jit` or `slow`, too, is left out there, so it stays.
+    """
     if os.environ.get('NUMBA_DISABLE_JIT', '0') == '0':
         skip = pytest.mark.skip(reason='each scene has kernels of its own: see .ci/run')
         for item in items:
-            if item.get_closest_marker('plain'):
+            named = {marker.name for marker in item.iter_markers()}
+            if 'plain' in named and not named & {'jit', 'slow'}:
                 item.add_marker(skip)
 
 

@@ -33,7 +33,7 @@ from collision_sim.core.laws import normal_impulse
 from collision_sim.core.pair_memory import Memory, recall
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, HITS,
                                       Matter, meet, Meetings, MOST_HITS, NEAR, PairRules, put,
-                                      SECOND, TOUCH)
+                                      SECOND, sort_by_place, TOUCH)
 from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
@@ -292,6 +292,7 @@ def _find_at_walls(stage, bounced, bounces):
                         meetings.states[i, NEAR] = AT_WALL
                         meetings.struck[size] = i
                         size += 1
+    sort_by_place(stage.x, stage.v, meetings.struck, size)
     return size
 
 

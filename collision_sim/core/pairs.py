@@ -209,6 +209,41 @@ def end_normal(sweep, dt, size, x, v, candidates, i, j):
 
 
 @inlined
+def _stands_before(x, v, i, j):
+    """Whether particle i comes before j by its place, then by its velocity."""
+    for d in range(3):
+        if x[d, i] != x[d, j]:
+            return x[d, i] < x[d, j]
+    for d in range(3):
+        if v[d, i] != v[d, j]:
+            return v[d, i] < v[d, j]
+    return False
+
+
+@kernel
+def _sink(x, v, particles, root, count):
+    """Let an entry of a heap sink to where none below it comes after it."""
+    while 2 * root + 1 < count:
+        child = 2 * root + 1
+        if child + 1 < count and _stands_before(x, v, particles[child], particles[child + 1]):
+            child += 1
+        if not _stands_before(x, v, particles[root], particles[child]):
+            break
+        particles[root], particles[child] = particles[child], particles[root]
+        root = child
+
+
+@kernel
+def sort_by_place(x, v, particles, count):
+    """Sort the first of some particles by place and velocity: their numbers mean nothing."""
+    for root in range(count // 2 - 1, -1, -1):
+        _sink(x, v, particles, root, count)
+    for last in range(count - 1, 0, -1):
+        particles[0], particles[last] = particles[last], particles[0]
+        _sink(x, v, particles, 0, last)
+
+
+@inlined
 def meet(sweep, dt, size, x, v, candidates, i, j):
     """When or how deep two particles meet, inf if they do not, and the normal."""
     if sweep is not None:

@@ -57,7 +57,7 @@ from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED
 from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
-                                      HEAD, NEAR, put, SECOND)
+                                      HEAD, NEAR, put, SECOND, sort_by_place)
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
                                               list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
@@ -228,9 +228,9 @@ def _is_pushed(stage, i):
 
 
 @kernel
-def _find_pushed(stage, bounced, bounces, velocities, answers):
-    """Find those that end inside a collider and are no bodies, and their velocities; how many."""
-    meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
+def _list_at_walls(stage, bounced, bounces):
+    """List those that colliders may push, and mark them; how many are `struck`."""
+    meetings, size = stage.meetings, 0
     for block in range(-1, bounces.shape[0]):
         count = 2 * meetings.size[0] if block < 0 else bounces[block, 0]
         for k in range(count):
@@ -239,13 +239,26 @@ def _find_pushed(stage, bounced, bounces, velocities, answers):
             else:
                 i = max(bounced[block * BLOCK + k], -1 - bounced[block * BLOCK + k])
             if _is_pushed(stage, i):
-                depth, place = _pushed(stage, i, answers)
-                if depth > DEEP * stage.matter.radius[i]:
-                    put_at(velocities, size, 0, column(stage.candidates.u, i))
-                    put_at(velocities, size, 3, scaled(1.0 / dt, subtract(
-                        place, column(stage.x, i))))
-                    meetings.struck[size], meetings.heat[i] = i, PUSHED
-                    size += 1
+                meetings.struck[size], meetings.heat[i] = i, PUSHED
+                size += 1
+    sort_by_place(stage.x, stage.v, meetings.struck, size)
+    return size
+
+
+@kernel
+def _find_pushed(stage, bounced, bounces, velocities, answers):
+    """Find those that end inside a collider and are no bodies, and their velocities; how many."""
+    meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
+    for k in range(_list_at_walls(stage, bounced, bounces)):
+        i = meetings.struck[k]
+        depth, place = _pushed(stage, i, answers)
+        if depth > DEEP * stage.matter.radius[i]:
+            put_at(velocities, size, 0, column(stage.candidates.u, i))
+            put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(stage.x, i))))
+            meetings.struck[size] = i
+            size += 1
+        else:
+            meetings.heat[i] = COLD
     return size
 
 

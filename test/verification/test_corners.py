@@ -22,6 +22,8 @@ import pytest
 from small_scenes import (box, EPSILON, FAR, G, METHODS, order, plane, simulate,
                           sphere, UPRIGHT)
 
+pytestmark = pytest.mark.plain
+
 every_method = pytest.mark.parametrize('method', METHODS)
 WEIGHTLESS = (0.0, 0.0, 0.0)
 

@@ -22,6 +22,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import EPSILON, G, order, plane, simulate, sphere
 
+pytestmark = pytest.mark.plain
+
 SOLVERS = ('explicit', 'implicit')
 RANDOM = np.random.default_rng(8)
 

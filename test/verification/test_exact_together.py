@@ -22,6 +22,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, G, plane, simulate, sphere, UPRIGHT
 
+pytestmark = pytest.mark.plain
+
 compiled = pytest.mark.jit      # without the compiler they take minutes
 interpreted = pytest.mark.skipif(not config.DISABLE_JIT, reason='each scene has its own kernels')
 

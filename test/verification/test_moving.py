@@ -26,6 +26,8 @@ import pytest
 from small_scenes import (EPSILON, FAR, FIRST_ORDER, G, incline, METHODS, order, plane,
                           root_mean_square, simulate, swinging_wall, UPRIGHT)
 
+pytestmark = pytest.mark.plain
+
 every_method = pytest.mark.parametrize('method', METHODS)
 WEIGHTLESS = (0.0, 0.0, 0.0)
 

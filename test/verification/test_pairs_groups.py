@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 from small_scenes import G, METHODS, plane, simulate
 
+pytestmark = pytest.mark.plain
+
 RADIUS = 0.1
 OPEN = 0.15             # share of it by which two who collide by themselves may overlap a third
 DETECTIONS = ['end_of_step', 'trajectory']

@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 from small_scenes import G, plane, simulate
 
+pytestmark = pytest.mark.plain
+
 RADIUS, DT = 0.02, 1 / 240
 
 
