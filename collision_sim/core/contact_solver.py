@@ -56,7 +56,8 @@ ENOUGH = 1e-6           # share of the change of the first sweep
 LEAST = 1e-12           # share of what gravity does in a step; below is rounding
 COLOURS = 64            # the last one is for what has no other, and is not divided
 PIECE = 128             # contacts or bodies that a thread claims at once
-BODIES, PAIRS, SIZE, CONTACTS, COLOURED, GROUPS, MET, NUMBERS = range(8)    # of the numbers
+# Of the numbers.
+BODIES, PAIRS, SIZE, CONTACTS, COLOURED, GROUPS, MET, OPEN_GROUPS, NUMBERS = range(9)
 
 
 class Pile(NamedTuple):
@@ -94,7 +95,8 @@ class Work(NamedTuple):
     sweeps: most of each kind; slow [m/s]: what gravity does in a step; progress (2 * phases,)
     int64: of threads.finish; totals (2 * sweeps, 2): energy [J] and largest speed [m/s] of the
     changes of each sweep; numbers (NUMBERS,) int64: bodies that are particles, contacts between
-    these, all bodies, all contacts, colours, groups, how many have been met anew; start
+    these, all bodies, all contacts, colours, groups, how many have been met anew, groups
+    whose friction is open; start
     (COLOURS + 1,) int64: of each in their order.
     """
 

@@ -116,24 +116,25 @@ def doubtful_change(w_n, most, off):
 
 
 @inlined
-def joint_impulses(n1, obj1, n2, obj2, v):
+def _wanted_impulses(n1, obj1, n2, obj2, v):
     """
     Find the changes of velocity along two normals that end the approach of v to both colliders.
 
-    None of them pulls. Both are 0 where nothing approaches, where the normals are parallel, and
-    where two closing colliders would squeeze the particle out faster than twice the speed at which
-    they close, as seen from between them.
+    None of them pulls. Both are 0 where nothing approaches, and where the normals are parallel.
 
     Returns
     -------
     a, b : float [m/s]
         Along n1 and n2.
+    share : float [-]
+        At most 1: with more of both two closing colliders would squeeze the particle out faster
+        than twice the speed at which they close, as seen from between them.
 
     """
     v1, v2, k = dot(subtract(v, obj1), n1), dot(subtract(v, obj2), n2), dot(n1, n2)
     across = 1.0 - k * k
     if (v1 >= 0.0 and v2 >= 0.0) or across < PARALLEL:
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     a, b = (k * v2 - v1) / across, (k * v1 - v2) / across
     if b <= 0.0:
         a, b = max(-v1, 0.0), 0.0
@@ -141,9 +142,16 @@ def joint_impulses(n1, obj1, n2, obj2, v):
         a, b = 0.0, max(-v2, 0.0)
     middle = scaled(0.5, add(obj1, obj2))
     before, after = subtract(v, middle), add_scaled(add_scaled(v, a, n1), b, n2)
-    if length(subtract(after, middle)) > length(before) + 2.0 * length(subtract(obj1, obj2)):
-        return 0.0, 0.0
-    return a, b
+    speed = length(subtract(after, middle))
+    most = length(before) + 2.0 * length(subtract(obj1, obj2))
+    return a, b, (most / speed if speed > most else 1.0)
+
+
+@inlined
+def joint_impulses(n1, obj1, n2, obj2, v):
+    """Find the changes as `_wanted_impulses`; both are 0 where only a share may act."""
+    a, b, share = _wanted_impulses(n1, obj1, n2, obj2, v)
+    return (a, b) if share == 1.0 else (0.0, 0.0)
 
 
 @inlined
@@ -205,10 +213,15 @@ def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
         Along n1 and n2; 0 unless both push.
 
     """
-    a, b = joint_impulses(n1, add_scaled(obj1, target, n1), n2, add_scaled(obj2, target, n2), v)
+    a, b, share = _wanted_impulses(n1, add_scaled(obj1, target, n1),
+                                   n2, add_scaled(obj2, target, n2), v)
     if not (a > 0.0 and b > 0.0):
         return v, 0.0, 0.0
-    after = between(add_scaled(add_scaled(v, a, n1), b, n2), n1, obj1, n2, obj2, target)
+    if share < 1.0:
+        a, b = share * a, share * b
+    after = add_scaled(add_scaled(v, a, n1), b, n2)
+    if share == 1.0:
+        after = between(after, n1, obj1, n2, obj2, target)
     for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
         slip = along_both(subtract(after, obj), n1, n2)
         factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)

@@ -60,6 +60,7 @@ TURNS = 80              # of normal impulses and friction
 EAGER, HASTY = 8, 24    # turns up to which those that stick are held, and that go all the way
 NEARLY = 1e-9           # such a share that does not fall any more is rounding
 SETTLED = 1e-13         # change in a turn as a share of the largest speed: nothing changes
+WITHOUT_END, OPEN, FOUND = 0, 1, 2  # what becomes of the search for friction
 BLUR = 2.0 ** -49       # of a sum of products, relative to the sum of their sizes
 # Rows of the vectors: what the impulses have to bring, impulses, those of the last pass, and how
 # many contacts that are pushed there are before each.
@@ -493,17 +494,17 @@ def _rubs(dry, wet, laws, pile, first, count):
 
 @kernel
 def _find_friction(dry, wet, laws, pile, first, count, room):
-    """Find the friction of a group, and what presses with it; whether that has an end."""
+    """Find the friction of a group, and what presses with it: WITHOUT_END, OPEN or FOUND."""
     speed, before = _largest_speed(pile, first, count, FREE), inf
     for turn in range(TURNS):
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
         if not change <= WILD * (speed + _fastest_bound(pile, first, count)):
-            return False
+            return WITHOUT_END
         _press_normally(pile, first, count, room, ENDING, END_BOUND)
         if _is_done(dry, wet, change, before, speed):
-            break
+            return FOUND
         before = change
-    return True
+    return FOUND if before <= NEARLY * speed else OPEN
 
 
 @kernel
@@ -521,15 +522,20 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     Find the impulses of a group that leave its end velocities within their bounds.
 
     Friction that wedges a group up makes impulses that grow from turn to turn: it has none then.
+    Returns FOUND, or OPEN where the turns were not enough for friction.
     """
     _begin(pile, first, count, room)
     _press_normally(pile, first, count, room, ENDING, END_BOUND)
+    friction = FOUND
     if _rubs(dry, wet, laws, pile, first, count):
-        if not _find_friction(dry, wet, laws, pile, first, count, room):
+        friction = _find_friction(dry, wet, laws, pile, first, count, room)
+        if friction == WITHOUT_END:
             _begin(pile, first, count, room)
             _press_normally(pile, first, count, room, ENDING, END_BOUND)
+            friction = FOUND
     _take_over_normal_impulses(pile, first, count, room)
     restrain(pile, first, count)
+    return friction
 
 
 @inlined
@@ -595,6 +601,12 @@ def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
     room : Room
         Scratch.
 
+    Returns
+    -------
+    friction : int
+        FOUND; OPEN where it is not unique or takes more than TURNS to find, so that what it is
+        depends on rounding.
+
     """
     contacts, bodies = pile.contacts, pile.bodies
     for k in range(count):
@@ -603,7 +615,7 @@ def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
             body = pile.ends[c, end]
             if bodies[body, INVERSE] > 0.0:
                 put_at(bodies, body, KEPT, at(bodies, body, MEAN))
-    _end_approaches(dry, wet, laws, pile, first, count, room)
+    friction = _end_approaches(dry, wet, laws, pile, first, count, room)
     _push_apart(part, pile, first, count, room)
     if _lifts_for_nothing(part, pull, pile, first, count):
         for k in range(count):
@@ -614,8 +626,9 @@ def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
                 body = pile.ends[c, end]
                 if bodies[body, INVERSE] > 0.0:
                     put_at(bodies, body, MEAN, at(bodies, body, KEPT))
-        _end_approaches(dry, wet, laws, pile, first, count, room)
+        friction = _end_approaches(dry, wet, laws, pile, first, count, room)
         _push_apart(part, pile, first, count, room)
+    return friction
 
 
 @kernel
@@ -650,6 +663,11 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     dry, wet, laws, pile, first, count, room
         As in `settle_group`; END_BOUND is 0.
 
+    Returns
+    -------
+    friction : int
+        As of `settle_group`.
+
     Notes
     -----
     The inelastic impulses end every approach; each then gets its restitution once, and friction
@@ -663,10 +681,12 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     _bounce(laws, pile, first, count, room)
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
-    speed, before = _largest_speed(pile, first, count, FREE), inf
+    speed, before, friction = _largest_speed(pile, first, count, FREE), inf, OPEN
     for turn in range(TURNS):
         change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
         if _is_done(dry, wet, change, before, speed):
+            friction = FOUND
             break
         before = change
     restrain(pile, first, count)
+    return FOUND if before <= NEARLY * speed else friction

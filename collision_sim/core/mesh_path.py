@@ -62,21 +62,44 @@ def _meets_edge(a, dx, c, d, rho):
     return (t if 0.0 <= s <= 1.0 else UNMET), add_scaled(c, s, along)
 
 
+@inlined
+def _passed_round(a, b, dx, time, q, rho):
+    """Find the normal where a ball meets an edge or corner at q, and signed distance at b."""
+    there = add_scaled(a, time, dx)
+    away = subtract(there, q)
+    away = scaled(1.0 / length(away), away)
+    if time > 0.0:
+        return away, dot(away, subtract(b, there))
+    return away, dot(away, subtract(b, q)) - rho
+
+
+@inlined
+def _first_round(a, b, dx, rho, met, time, q):
+    """Return what a ball meets first of `met`, that is time, distance and normal, and a point."""
+    if time <= 1.0 and time <= met[0]:
+        away, phi = _passed_round(a, b, dx, time, q, rho)
+        if time < met[0] or phi < met[1]:
+            return time, phi, away
+    return met
+
+
 @kernel
-def _meets_rounds(triangles, sharp, t, a, dx, rho):
-    """First time at which a ball meets a sharp edge or corner of a triangle, and where that is."""
-    first, q = UNMET, a
+def _meets_rounds(triangles, sharp, t, a, b, dx, rho):
+    """
+    First time at which a ball meets a sharp edge or corner of a triangle, UNMET if it does not.
+
+    And its signed distance at b, and the normal; of those met at once, of that it passes deepest.
+    """
+    met = UNMET, 0.0, (0.0, 0.0, 1.0)
     for k in range(3):
         c, d = corner(triangles, t, k), corner(triangles, t, (k + 1) % 3)
         if sharp[t] >> k & 1:
-            time, point = _meets_edge(a, dx, c, d, rho)
-            if time < first:
-                first, q = time, point
+            time, q = _meets_edge(a, dx, c, d, rho)
+            met = _first_round(a, b, dx, rho, met, time, q)
         if sharp[t] >> (VERTEX - EDGE + k) & 1:
             time = _time_to_round(subtract(a, c), dx, rho)
-            if time < first:
-                first, q = time, c
-    return first, q
+            met = _first_round(a, b, dx, rho, met, time, c)
+    return met
 
 
 @inlined
@@ -135,12 +158,9 @@ def meet_triangle(meshes, t, line, a, b, dx, side, radius, skin):
     if radius > 0.0:
         if hb < rho and tau <= 1.0 and _meets_face(triangles, t, a, dx, tau):
             return tau, hb - rho, n, crosses
-        first, q = _meets_rounds(triangles, meshes.sharp, t, a, dx, rho)
+        first, phi, away = _meets_rounds(triangles, meshes.sharp, t, a, b, dx, rho)
         if first <= 1.0:
-            there = add_scaled(a, first, dx)
-            away = subtract(there, q)
-            away = scaled(1.0 / length(away), away)
-            return first, dot(away, subtract(b, there)), away, crosses
+            return first, phi, away, crosses
         tau = ha / (ha - hb) if crosses else tau
     if crosses:
         return min(tau, 1.0), hb - rho, n, True

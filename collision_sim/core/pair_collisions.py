@@ -45,7 +45,7 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPU
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.impulses import dry_factor, wet_factor
 from collision_sim.core.jit import entry, inlined, kernel
-from collision_sim.core.joint import collide_group, make_room, MOST
+from collision_sim.core.joint import collide_group, make_room, MOST, OPEN
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
@@ -371,9 +371,16 @@ def _is_first(stage, c):
 
 
 @kernel
+def _collide_group(stage, dry, wet, first, count, room):
+    """Let a group of contacts collide at once."""
+    friction = collide_group(dry, wet, stage.pair_rules.laws, stage.pile, first, count, room)
+    stage.accounts[0, N_UNDECIDED] += friction == OPEN
+
+
+@kernel
 def _collide_one_by_one(stage, first, count, dry, wet, room):
     """Let those of a large group collide that come first, one after the other."""
-    pile, laws = stage.pile, stage.pair_rules.laws
+    pile = stage.pile
     for k in range(count):
         c = pile.member[first + k]
         put_at(pile.contacts, c, IMPULSE, (0.0, 0.0, 0.0))
@@ -382,19 +389,19 @@ def _collide_one_by_one(stage, first, count, dry, wet, room):
         a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
         if _is_first(stage, c) and pile.used[a] >= 0 and pile.used[b] >= 0:
             pile.used[a] = pile.used[b] = NONE
-            collide_group(dry, wet, laws, pile, first + k, min(count, 1), room)
+            _collide_group(stage, dry, wet, first + k, min(count, 1), room)
 
 
 @kernel
 def _collide_together(stage, dry, wet, room, turn):
     """Answer what happens at once."""
-    pile, laws = stage.pile, stage.pair_rules.laws
+    pile = stage.pile
     size, pairs, contacts = _list_together(stage)
     groups = group_contacts(pile, size, contacts)
     for g in range(groups):
         first, count = 0 + pile.group[g], pile.group[g + 1] - pile.group[g]
         if count <= MOST:
-            collide_group(dry, wet, laws, pile, first, count, room)
+            _collide_group(stage, dry, wet, first, count, room)
         else:
             _collide_one_by_one(stage, first, count, dry, wet, room)
     _take_over(stage, size, pairs, contacts, turn)

@@ -43,12 +43,14 @@ Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at
 from collision_sim.core.around import find_around
 from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLOURED, CONTACTS,
                                                ENDING, FREE, GROUPS, IMPULSE, INVERSE, KEPT,
-                                               KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL, PAIRS,
-                                               PIECE, PUSH, push, put_at, SIZE, solve)
-from collision_sim.core.detection import end_distance
+                                               KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL,
+                                               OPEN_GROUPS, PAIRS, PIECE, PUSH, push, put_at, SIZE,
+                                               solve)
+from collision_sim.core.detection import end_distance, starts_inside
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
-from collision_sim.core.joint import make_room, MOST, restrain, settle_group
+from collision_sim.core.joint import make_room, MOST, OPEN, restrain, settle_group
+from collision_sim.core.laws import repulsion
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
@@ -61,8 +63,8 @@ from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
                                               list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
-from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_REPULSION, NONE,
-                                      REPULSION, ROUNDING, SLIDE, STICK)
+from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_REPULSION,
+                                      N_UNDECIDED, NONE, REPULSION, ROUNDING, SLIDE, STICK)
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
@@ -197,7 +199,8 @@ def _pushed(stage, i, answers):
     """
     How deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
 
-    As response.py presses it: no farther than to the surface, or to go with the collider.
+    As response.py presses it: no farther than to the surface, or to go with the collider; if it
+    has started inside, no faster than it is repelled.
     """
     x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
     u = column(stage.candidates.u, i)
@@ -209,7 +212,12 @@ def _pushed(stage, i, answers):
                               stage.poses, stage.motion, c, x0, x1)
         if gap < deepest:
             obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
-            deepest, along, way = gap, n, max(-gap, dt * dot(n, subtract(obj, u)))
+            lag, depth = dot(n, subtract(obj, u)), starts_inside(
+                stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
+            deepest, along, way = gap, n, max(-gap, dt * lag)
+            if depth > 0.0:
+                lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
+                way = max(dt * lag, 0.0)
     return -deepest, add_scaled(x1, way, along)
 
 
@@ -329,8 +337,10 @@ def _settle_groups(work, phase, dry, wet, laws, part, pull, pile, room):
     g = fetch_add(progress, 2 * phase, 1)
     while g < groups:
         if not _is_large(pile, g):
-            settle_group(dry, wet, laws, part, pull, pile, pile.group[g],
-                         pile.group[g + 1] - pile.group[g], room)
+            friction = settle_group(dry, wet, laws, part, pull, pile, pile.group[g],
+                                    pile.group[g + 1] - pile.group[g], room)
+            if friction == OPEN:
+                fetch_add(work.numbers, OPEN_GROUPS, 1)
         fetch_add(progress, 2 * phase + 1, 1)
         g = fetch_add(progress, 2 * phase, 1)
     finish(progress, phase, groups)
@@ -466,6 +476,7 @@ def _count_met(stage, bodies, base, answers):
 def _end(stage, dry, base, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
+    stage.accounts[0, N_UNDECIDED] += numbers[OPEN_GROUPS]
     for c in range(pairs):
         stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
     remember(stage, contacts, bodies, again)

@@ -19,7 +19,7 @@ All look at the run itself. Energies are compared with the largest energy that t
 step, momenta with the largest momentum.
 """
 
-from bounds import is_excused
+from bounds import collider_speed, is_excused
 from cases import each, method, stepping
 import numpy as np
 
@@ -53,17 +53,6 @@ def top_speed(step):
     return speed
 
 
-def collider_speed(step, c):
-    """Bound of the speed of the surface of a collider near the particles [m/s]."""
-    (p0, q0), (p1, q1) = step.poses0[c], step.poses[c]
-    dt = step.scene.stepping.dt or 1.0
-    arm = np.abs(step.x0 - p0).max() + np.abs(step.x - p1).max()
-    turn = 2.0 * min(np.linalg.norm(np.subtract(q0, q1)), np.linalg.norm(np.add(q0, q1)))
-    motion = step.scene.colliders[c].motion
-    spin = np.linalg.norm(motion.angular_velocity) if motion else 0.0
-    return np.linalg.norm(np.subtract(p1, p0)) / dt + arm * max(turn / dt, spin)
-
-
 def is_still(step):
     """Whether no collider moves in a step."""
     return all(collider.motion is None for collider in step.scene.colliders) and all(
@@ -87,7 +76,14 @@ def is_uncapped(step):
 
 def is_driven(case, step):
     """Whether a ball of infinite mass moves, which is a source of energy as a collider is."""
-    return bool(np.any(step.v0[np.isinf(each(case, 'mass', 1.0))]))
+    heavy = np.isinf(each(case, 'mass', 1.0))
+    return bool(np.any(step.v0[heavy]) or np.any(step.x[heavy] != step.x0[heavy]))
+
+
+def turns(step):
+    """Whether a collider turns in a step."""
+    return any(np.any(before[1] != after[1])
+               for before, after in zip(step.poses0, step.poses, strict=True))
 
 
 def overlap(case, step):
@@ -120,7 +116,8 @@ def losses_are_losses(case, run, random):
     Restitution and friction only take; drag without wind, too; still colliders do no work.
 
     Losses of an impulse are told apart from the work of a collider by its velocity, which is not
-    the same over a step where it turns or its twist is estimated: so only among still ones.
+    the same over a step where it turns or its twist is estimated: so only among still ones. And
+    those of pairs, where none turns that may press one ball onto another.
 
     Not asked of `single_pass`, `multi_pass` and `symplectic_euler`, which book the error of their
     order there, too. Nor of friction on springs: what they do on the shift that a contact brings
@@ -142,9 +139,8 @@ def losses_are_losses(case, run, random):
                 return f'step {k}: {name} brings {getattr(step.balance, name):.3g} J'
         if not (step.scene.drag and any(step.scene.drag.wind)) and not step.balance.drag <= limit:
             return f'step {k}: drag brings {step.balance.drag:.3g} J'
-        if 'springs' not in case['scene'] and not overlap(case, step) and not (
-                is_driven(case, step)) and not (
-                step.balance.internal <= limit):
+        if not ('springs' in case['scene'] or overlap(case, step) or is_driven(case, step)
+                or turns(step) or step.balance.internal <= limit):
             return f'step {k}: pairs bring {step.balance.internal:.3g} J'
         if is_still(step) and not np.abs(step.balance.colliders).max(initial=0.0) <= limit:
             return f'step {k}: colliders that stand still work {step.balance.colliders.tolist()} J'
@@ -164,14 +160,15 @@ def energy_has_a_source(case, run, random):
     velocity, and repulsion gives none. With gravity kinetic and potential energy together, on
     planes, where the methods with a collision stage are exact; on curved surfaces they have the
     error of their order, and so between two planes, where it comes and goes: m (g dt)^2. A plane
-    is answered from the height of a fall g dt^2 over it, where particles come to rest.
+    is answered from the height of a fall g dt^2 over it, where particles come to rest. And balls
+    that slide on balls slide on curved surfaces.
     """
     if 'springs' in case['scene']:
         return None
     mass, gains = weights(case), method(case) in ('single_pass', 'multi_pass')
     for k, step in enumerate(run):
         gravity = np.array(step.scene.gravity)
-        if (is_excused(step) or not is_still(step) or is_uncapped(step)
+        if (is_excused(step) or not is_still(step) or is_uncapped(step) or is_driven(case, step)
                 or step.scene.drag and any(step.scene.drag.wind)
                 or gravity.any() and (gains or step.scene.stepping.flight == EULER)):
             continue
@@ -179,7 +176,7 @@ def energy_has_a_source(case, run, random):
         if gravity.any() and (not flat or step.counters['repulsions'] or step.scene.drag):
             continue
         size, fall = scale(case, step), (gravity @ gravity) * step.scene.stepping.dt ** 2
-        between = is_between(step)
+        between = is_between(step) | bool(step.counters['pair_contacts'])
         gain = float(mass @ (0.5 * np.square(step.v).sum(axis=1) - step.x @ gravity
                              - 0.5 * np.square(step.v0).sum(axis=1) + step.x0 @ gravity))
         if gravity.any() and overlap(case, step):

@@ -29,6 +29,7 @@ SLACK = 256 * EPSILON
 # Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
 EVENT_SLACK = 1e-9
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
+PRESS = 1e4         # times the mass of a ball: between a collider and such a ball it is in a press
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
 EXCUSES = ('unplaced', 'undecided', 'frozen')
 AROUND = np.random.default_rng(0).standard_normal((64, 3))
@@ -49,6 +50,17 @@ def slack(case, step, c):
 def is_excused(step):
     """Whether a counter says that somebody could not be placed, or was given up."""
     return any(step.counters[key] for key in EXCUSES)
+
+
+def collider_speed(step, c):
+    """Bound of the speed of the surface of a collider near the particles [m/s]."""
+    (p0, q0), (p1, q1) = step.poses0[c], step.poses[c]
+    dt = step.scene.stepping.dt or 1.0
+    arm = np.abs(step.x0 - p0).max() + np.abs(step.x - p1).max()
+    turn = 2.0 * min(np.linalg.norm(np.subtract(q0, q1)), np.linalg.norm(np.add(q0, q1)))
+    motion = step.scene.colliders[c].motion
+    spin = np.linalg.norm(motion.angular_velocity) if motion else 0.0
+    return np.linalg.norm(np.subtract(p1, p0)) / dt + arm * max(turn / dt, spin)
 
 
 def stays_outside(case, run, random):
@@ -245,11 +257,23 @@ def _has_room(case, step, balls):
 
 
 def _is_forced(case, step, balls):
-    """Whether two balls are of infinite mass, or one is that a collider pushes."""
+    """Whether two balls are of infinite mass, or one is that a collider pushes, or a press."""
     heavy = [i for i in balls if np.isinf(each(case, 'mass', 1.0)[i])]
     return len(heavy) == 2 or any(
         (step.gaps[c][:, i] < 0.5 * each(case, 'radius', 0.0)[i]).any()
-        for i in heavy for c in range(len(step.scene.colliders)))
+        for i in heavy for c in range(len(step.scene.colliders))) or (
+        _is_pressed(case, step, *balls) or _is_pressed(case, step, *balls[::-1]))
+
+
+def _is_pressed(case, step, i, j):
+    """Whether ball i is between a collider and a ball that is far heavier, which close."""
+    mass, radius = each(case, 'mass', 1.0), each(case, 'radius', 0.0)
+    if not mass[j] > PRESS * mass[i]:
+        return False
+    fall = 2.0 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt
+    return any((step.gaps[c][:, i] < 0.5 * radius[i]).any() and (
+        np.isinf(mass[j]) or np.linalg.norm(step.v0[j]) + collider_speed(step, c) > fall)
+        for c in range(len(step.scene.colliders)))
 
 
 def _between(step):
