@@ -128,6 +128,8 @@ def _slot_for(cells, moved, centre, extent):
 @inlined
 def move(cells, moved, i, centre, extent, shift):
     """Note that particle i has another centre and extent [m], `shift` [m] from the last one."""
+    if shift == 0.0:
+        return
     if moved.away[i] == 0.0:
         moved.who[moved.size[0]] = i
         moved.size[0] += 1

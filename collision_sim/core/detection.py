@@ -131,7 +131,8 @@ def _hit_when_covered(faced, rules, here, table, poses, motion, c, x0, x1, tau, 
             q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
             m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
             face = face_towards(table, c, m)
-            if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False) and (
+            if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False,
+                          False) and (
                     not goes_through(table, poses, here, c, face, x0, x1)):
                 later, n_later = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
                 return True, later, n_later

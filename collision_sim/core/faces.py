@@ -196,7 +196,7 @@ def leans(depth, deeper, margin):
 
 
 @kernel
-def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_inside):
+def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_inside, far):
     """
     Whether another collider covers a face at the point below q, or comes as near as a seam.
 
@@ -215,6 +215,9 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
     starts_inside : bool
         Whether that is inside the collider; if not, one that it starts inside of covers nothing,
         and neither does one that comes towards it from there.
+    far : bool
+        Whether the face may be beyond what the particle may touch in the step, so that all
+        colliders are looked at.
 
     """
     place = origin(poses, here.start, c)
@@ -222,9 +225,8 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
     p = drawn_in(table, c, face, q, 2.0 * margin)
     n = face_at(table, c, face, p)[1]
     probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
-        depth = 0.0
+    for m in range(table.shape[0] if far else how_many(here.chosen, table)):
+        k, depth = (m if far else nth(here.chosen, m)), 0.0
         if k != c:
             depth = -_distance_at(rules, table, poses, motion, here, k, tau, probe)
         if depth >= 0.5 * margin:
@@ -275,7 +277,7 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
         if first == NONE:
             inside = height < -seam_width(table, c, origin(poses, row, c))
         if face == NONE or not is_covered(rules, here, table, poses, motion, c, face, q, tau, x,
-                                          inside):
+                                          inside, inside or taken != 0):
             break
         taken, first = taken | 1 << face, (face if first == NONE else first)
     height, n = face_at(table, c, first if face == NONE else face, q)
@@ -344,7 +346,8 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
         if taken == 0:
             when = min(time, 1.0)
             at = add_scaled(q0, when, subtract(q1, q0))
-        if not is_covered(rules, here, table, poses, motion, c, face, at, when, x0, False):
+        if not is_covered(rules, here, table, poses, motion, c, face, at, when, x0, False,
+                          taken != 0):
             break
         if first == NONE:
             first, first_time = face, time

@@ -50,6 +50,7 @@ import numpy as np
 
 MOST = 64               # contacts that are solved for at once
 SHIFT = 1e-11           # on a diagonal of ones
+HELD = 1e-8             # the same of those that stick, which are redundant more often
 SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
 MISSING = 1e-6          # share of what is wanted that shows that
@@ -405,7 +406,7 @@ def _hold(dry, laws, pile, first, count, room):
         c = pushed[a // 2]
         for b in range(a + 1):
             d = pushed[b // 2]
-            entry = 1.0 + SHIFT if a == b else 0.0
+            entry = 1.0 + HELD if a == b else 0.0
             if c != d:
                 shared = _shared(pile, c, d)
                 if shared != 0.0:
@@ -413,7 +414,7 @@ def _hold(dry, laws, pile, first, count, room):
                         at(along, a, 0), at(along, b, 0))
             for k in range(b):
                 entry -= factor[a, k] * factor[b, k]
-            factor[a, b] = sqrt(max(entry, 0.5 * SHIFT)) if a == b else entry / factor[b, b]
+            factor[a, b] = sqrt(max(entry, 0.5 * HELD)) if a == b else entry / factor[b, b]
         value = -sqrt(contacts[c, MASS]) * dot(approach_of(pile, c, ENDING), at(along, a, 0))
         for b in range(a):
             value -= factor[a, b] * slips[b]
@@ -467,6 +468,21 @@ def _begin(pile, first, count, room):
             body = pile.ends[c, end]
             if pile.bodies[body, INVERSE] > 0.0:
                 put_at(pile.bodies, body, ENDING, at(pile.bodies, body, FREE))
+
+
+@kernel
+def _sum_up(pile, first, count):
+    """Give the bodies of a group what the impulses come to, without the rounding on the way."""
+    for k in range(count):
+        c = pile.member[first + k]
+        for end in range(2):
+            body = pile.ends[c, end]
+            if pile.bodies[body, INVERSE] > 0.0:
+                put_at(pile.bodies, body, ENDING, at(pile.bodies, body, FREE))
+    for k in range(count):
+        c = pile.member[first + k]
+        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING,
+             at(pile.contacts, c, IMPULSE))
 
 
 @inlined
@@ -526,14 +542,16 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     """
     _begin(pile, first, count, room)
     _press_normally(pile, first, count, room, ENDING, END_BOUND)
-    friction = FOUND
-    if _rubs(dry, wet, laws, pile, first, count):
+    friction, rubs = FOUND, _rubs(dry, wet, laws, pile, first, count)
+    if rubs:
         friction = _find_friction(dry, wet, laws, pile, first, count, room)
         if friction == WITHOUT_END:
             _begin(pile, first, count, room)
             _press_normally(pile, first, count, room, ENDING, END_BOUND)
             friction = FOUND
     _take_over_normal_impulses(pile, first, count, room)
+    if rubs:
+        _sum_up(pile, first, count)
     restrain(pile, first, count)
     return friction
 
@@ -688,5 +706,7 @@ def collide_group(dry, wet, laws, pile, first, count, room):
             friction = FOUND
             break
         before = change
+    if _rubs(dry, wet, laws, pile, first, count):
+        _sum_up(pile, first, count)
     restrain(pile, first, count)
     return FOUND if before <= NEARLY * speed else friction

@@ -257,22 +257,37 @@ def _has_room(case, step, balls):
 
 
 def _is_forced(case, step, balls):
-    """Whether two balls are of infinite mass, or one is that a collider pushes, or a press."""
-    heavy = [i for i in balls if np.isinf(each(case, 'mass', 1.0)[i])]
-    return len(heavy) == 2 or any(
-        (step.gaps[c][:, i] < 0.5 * each(case, 'radius', 0.0)[i]).any()
-        for i in heavy for c in range(len(step.scene.colliders))) or (
-        _is_pressed(case, step, *balls) or _is_pressed(case, step, *balls[::-1]))
+    """Whether two balls are of infinite mass, or hang together with others in a press."""
+    mass = each(case, 'mass', 1.0)
+    return bool(np.isinf(mass[list(balls)]).all()) or _is_press(case, step, _cluster(
+        case, step, balls))
 
 
-def _is_pressed(case, step, i, j):
-    """Whether ball i is between a collider and a ball that is far heavier, which close."""
-    mass, radius = each(case, 'mass', 1.0), each(case, 'radius', 0.0)
-    if not mass[j] > PRESS * mass[i]:
+def _cluster(case, step, balls):
+    """Balls that hang together with some, by gaps below half of a radius."""
+    radius = each(case, 'radius', 0.0)
+    found, queue = set(balls), list(balls)
+    while queue:
+        i = queue.pop()
+        for x in (step.x0, step.x):
+            gaps = np.linalg.norm(x - x[i], axis=1) - radius - radius[i]
+            for j in np.flatnonzero(gaps < 0.5 * np.minimum(radius, radius[i])):
+                if j not in found:
+                    found.add(int(j))
+                    queue.append(int(j))
+    return sorted(found)
+
+
+def _is_press(case, step, balls):
+    """Whether some balls are between a collider and one of them that is far heavier."""
+    mass, radius = each(case, 'mass', 1.0)[balls], each(case, 'radius', 0.0)[balls]
+    heavy = int(np.argmax(mass))
+    if not mass[heavy] > PRESS * mass.min():
         return False
     fall = 2.0 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt
-    return any((step.gaps[c][:, i] < 0.5 * radius[i]).any() and (
-        np.isinf(mass[j]) or np.linalg.norm(step.v0[j]) + collider_speed(step, c) > fall)
+    return any((step.gaps[c][:, balls] < 0.5 * radius).any() and (
+        np.isinf(mass[heavy])
+        or np.linalg.norm(step.v0[balls[heavy]]) + collider_speed(step, c) > fall)
         for c in range(len(step.scene.colliders)))
 
 
