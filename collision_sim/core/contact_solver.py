@@ -69,7 +69,8 @@ class Pile(NamedTuple):
     what groups.py makes of it; colour (C,) int8: NONE for contacts of small groups; order (C,)
     int64: contacts by colour; changes (pieces, 2): of the pieces of a sweep, as `totals` of the
     sweeps; label (B,), group (C + 1,), member (C,) int64: of groups.py; source (C,) int64, work
-    (B,) [J/kg]: of pair_collisions.py.
+    (B,) [J/kg]: of pair_collisions.py; farthest (1,) [m]: how far the first run of the contact
+    stage in a step has pushed a body.
     """
 
     bodies: np.ndarray
@@ -86,6 +87,7 @@ class Pile(NamedTuple):
     member: np.ndarray
     source: np.ndarray
     work: np.ndarray
+    farthest: np.ndarray
 
 
 class Work(NamedTuple):
@@ -130,7 +132,7 @@ def make_pile(bodies, contacts, body):
                 np.empty(contacts, dtype=np.int64), np.empty((contacts // PIECE + COLOURS, 2)),
                 np.empty(bodies, dtype=np.int64), np.empty(contacts + 1, dtype=np.int64),
                 np.empty(contacts, dtype=np.int64), np.empty(contacts, dtype=np.int64),
-                np.empty(bodies))
+                np.empty(bodies), np.zeros(1))
 
 
 def make_work(sweeps, slow):

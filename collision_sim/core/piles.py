@@ -33,8 +33,8 @@ sweeps of contact_solver.py, which start from the impulses of the last step. Col
 bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
 what they do to it is booked and logged here: response.py finds their particles on the surface.
 Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
-has led, for the groups of those that are met anew, AGAIN times at most. In groups of more than
-MOST_AGAIN particles that waits for the next step.
+has led, for the groups of those that are met anew, AGAIN times at most, and not where pushes grow
+by that. In groups of more than MOST_AGAIN particles that waits for the next step.
 
 Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at the end; E. Catto
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.
@@ -74,6 +74,7 @@ import numpy as np
 AGAIN = 32              # times that the stage is run at most
 MOST_AGAIN = 4 * MOST   # particles that hang together for which it is run again
 COLD, WARM, PUSHED = 0, 2, 3    # marks beside HOT: nothing, too many to run again, by a collider
+GROWN = 2.0             # times the first pushes: larger ones have no end
 DEEP = 1e-5             # share of a radius: who is pushed deeper into somebody else meets him anew
 
 
@@ -473,6 +474,23 @@ def _count_met(stage, bodies, base, answers):
 
 
 @kernel
+def _has_an_end(stage, bodies, again):
+    """
+    Whether the pushes do not grow from run to run.
+
+    Where there is no place for all they would, as each leads into others: the next step goes on.
+    """
+    pile, farthest = stage.pile, 0.0
+    for a in range(bodies):
+        u = column(stage.candidates.u, pile.particle[a])
+        farthest = max(farthest, stage.rules.flight.dt * length(
+            subtract(u, at(pile.bodies, a, KEPT))))
+    if not again:
+        pile.farthest[0] = farthest
+    return farthest <= GROWN * pile.farthest[0]
+
+
+@kernel
 def _end(stage, dry, base, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
@@ -487,7 +505,9 @@ def _end(stage, dry, base, again, numbers, answers):
         if _presses(pile, c):
             _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
     _book(stage, stage.ledger, bodies, pairs, contacts)
-    numbers[MET] = _count_met(stage, bodies, base, answers)
+    numbers[MET] = 0
+    if _has_an_end(stage, bodies, again):
+        numbers[MET] = _count_met(stage, bodies, base, answers)
     if numbers[MET] > 0:
         for p in range(stage.meetings.size[0]):
             i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
