@@ -36,7 +36,8 @@ import numpy as np
 
 FEW = 4                 # blocks; for fewer a second thread costs more than it brings
 SWEEPS = 4              # over the contacts for each of the scene's iterations
-MOST_SUPPORTS = 4       # colliders that may carry a particle, on average
+MOST_SUPPORTS = 4       # colliders that may carry a particle, on average of many
+SPARE = 256             # more of them, for few
 ROOMY = 2               # times the pairs that there is room for at least: a step finds more
 MARGIN = 2.0 ** -20     # share of a radius that particles may be apart and count as near
 
@@ -177,7 +178,7 @@ class PairSolver:
         """Make room for a number of pairs."""
         count = len(self._base)
         bodies = min(4 * pairs, count)
-        supports = MOST_SUPPORTS * bodies
+        supports = MOST_SUPPORTS * bodies + SPARE
         contacts = pairs + supports
         self._meetings = make_meetings(pairs, count, self._meetings)
         self._walls = make_walls(supports)

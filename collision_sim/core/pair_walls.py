@@ -26,10 +26,11 @@ from collision_sim.core.around import find_around, move, Moved
 from collision_sim.core.candidates import Candidates, fly_anew
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
-from collision_sim.core.detection import detect
+from collision_sim.core.detection import detect, end_distance, starts_inside
 from collision_sim.core.impulses import respond
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.laws import normal_impulse
+from collision_sim.core.laws import normal_impulse, repulsion
+from collision_sim.core.motion import chord_velocity
 from collision_sim.core.pair_memory import Memory, recall
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, HITS,
                                       Matter, meet, Meetings, MOST_HITS, NEAR, PairRules, put,
@@ -37,7 +38,8 @@ from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST,
 from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
-from collision_sim.core.vectors import add_scaled, dot, largest, length, subtract
+from collision_sim.core.ties import stands_first
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 # Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
@@ -117,21 +119,23 @@ def _may_meet_still(present, table, poses, end, radius, x1, way):
 
 
 @inlined
-def _comes_before(values, k, m):
-    """Whether row k comes before row m: by its normal, then by its order."""
+def _comes_before(stage, k, m):
+    """Whether row k comes before row m: by its normal, its order, what the collider is."""
+    values, ends = stage.walls.values, stage.walls.ends
     for column_ in (ALONG, ALONG + 1, ALONG + 2, ORDER):
         if values[k, column_] != values[m, column_]:
             return values[k, column_] < values[m, column_]
-    return False
+    return stands_first(stage.table, stage.poses, 0, ends[k, 1], at(values, k, ALONG), ends[m, 1],
+                        at(values, m, ALONG))
 
 
 @kernel
-def sort_walls(walls, first):
-    """Sort the rows from `first` on by their normals: the order of the colliders means nothing."""
-    values, ends = walls.values, walls.ends
-    for last in range(first + 1, walls.size[0]):
+def sort_walls(stage, first):
+    """Sort the walls from `first` on by their normals: the order of colliders means nothing."""
+    values, ends = stage.walls.values, stage.walls.ends
+    for last in range(first + 1, stage.walls.size[0]):
         k = last
-        while k > first and _comes_before(values, k, k - 1):
+        while k > first and _comes_before(stage, k, k - 1):
             for d in range(WALL):
                 values[k, d], values[k - 1, d] = values[k - 1, d], values[k, d]
             ends[k, 1], ends[k - 1, 1] = ends[k - 1, 1], ends[k, 1]
@@ -173,7 +177,7 @@ def _list_walls(stage, i, answers):
             put_at(walls.values, k, WHERE, touch.point)
             walls.values[k, ORDER] = _order_of(rules.sweep, touch, x0, x1)
             walls.size[0] += 1
-    sort_walls(walls, first)
+    sort_walls(stage, first)
 
 
 @inlined
@@ -297,12 +301,40 @@ def _find_at_walls(stage, bounced, bounces):
 
 
 @kernel
+def pushed_place(stage, i, answers):
+    """
+    Find how deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
+
+    As response.py presses it: no farther than to the surface, or to go with the collider; if it
+    has started inside, no faster than it is repelled.
+    """
+    x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
+    u = column(stage.candidates.u, i)
+    x1 = add_scaled(x0, dt, u)
+    deepest, along, way = 0.0, (0.0, 0.0, 0.0), 0.0
+    for c in range(stage.table.shape[0]):
+        stage.walls.one[0] = c
+        gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
+                              stage.poses, stage.motion, c, x0, x1)
+        if gap < deepest:
+            obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
+            lag, depth = dot(n, subtract(obj, u)), starts_inside(
+                stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
+            deepest, along, way = gap, n, max(-gap, dt * lag)
+            if depth > 0.0:
+                lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
+                way = max(dt * lag, 0.0)
+    return -deepest, add_scaled(x1, way, along)
+
+
+@kernel
 def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
     """
     List the collisions with colliders of those that these throw back onto somebody.
 
     All are led to where they are thrown back to, so that two that are thrown onto each other find
-    each other, and back; those that are in contact with somebody as it is are listed as well.
+    each other, then to where the collider pushes them there, and back; those that are in contact
+    with somebody as it is are listed as well.
     """
     struck, size = stage.meetings.struck, 0
     found = _find_at_walls(stage, bounced, bounces)
@@ -316,6 +348,15 @@ def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
             put_at(after, size, 0, v)
             put_at(after, size, 3, u)
             size += 1
+    for k in range(size):
+        lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
+    for k in range(size):
+        kept[k] = kept[k] or _meets_somebody(stage, struck[k])
+    for k in range(size):
+        depth, place = pushed_place(stage, struck[k], answers)
+        if depth > 0.0:
+            put_at(after, k, 3, scaled(1.0 / stage.rules.flight.dt, subtract(
+                place, column(stage.x, struck[k]))))
     for k in range(size):
         lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
     for k in range(size):

@@ -29,7 +29,7 @@ from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.pair_memory import forget, keep, recall
 from collision_sim.core.pair_walls import ALONG, here_of, ORDER, sort_walls
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND, TOUCH
-from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
@@ -120,9 +120,11 @@ def list_pairs(stage, again):
                             candidates, i, j)
         if not again:
             meetings.looked[p] = NONE
-        if _is_in_contact(stage, again, p, i, j, gap - TOUCH * extent) and (
-                can_meet(matter, i, j)) and (
-                c < pile.ends.shape[0] and size + 2 <= pile.bodies.shape[0]):
+        in_contact = can_meet(matter, i, j) and _is_in_contact(stage, again, p, i, j,
+                                                               gap - TOUCH * extent)
+        if in_contact and (c == pile.ends.shape[0] or size + 2 > pile.bodies.shape[0]):
+            stage.accounts[0, N_UNDECIDED] += 1
+        elif in_contact:
             anew, known = meetings.looked[p] <= MET_ANEW, meetings.known[p]
             meetings.looked[p] = MET if anew else IN_CONTACT
             mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
@@ -161,7 +163,7 @@ def _find_supports(stage, here, x0):
             walls.ends[k, 1], walls.values[k, ORDER] = c, gap
             put_at(walls.values, k, ALONG, n)
             walls.size[0] += 1
-    sort_walls(walls, 0)
+    sort_walls(stage, 0)
 
 
 @inlined
@@ -209,6 +211,7 @@ def list_supports(stage, bodies, contacts, again, answers):
         _find_supports(stage, here, x0)
         for k in range(walls.size[0]):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
+                stage.accounts[0, N_UNDECIDED] += 1
                 return size, contacts
             c = walls.one[0] = walls.ends[k, 1]
             size, contacts = _support(stage, here, x0, c, walls.values[k, ORDER],

@@ -46,18 +46,15 @@ from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLO
                                                KEPT_IMPULSE, LAW_ROW, MEAN, MET, NORMAL,
                                                OPEN_GROUPS, PAIRS, PIECE, PUSH, push, put_at, SIZE,
                                                solve)
-from collision_sim.core.detection import end_distance, starts_inside
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.joint import make_room, MOST, OPEN, restrain, settle_group
-from collision_sim.core.laws import repulsion
 from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.motion import chord_velocity
 from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED
+from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED, pushed_place
 from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
                                       HEAD, NEAR, put, SECOND, sort_by_place)
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
@@ -196,36 +193,9 @@ def _lean(stage, dry, here, pile, c):
 
 
 @kernel
-def _pushed(stage, i, answers):
-    """
-    How deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
-
-    As response.py presses it: no farther than to the surface, or to go with the collider; if it
-    has started inside, no faster than it is repelled.
-    """
-    x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
-    u = column(stage.candidates.u, i)
-    x1 = add_scaled(x0, dt, u)
-    deepest, along, way = 0.0, (0.0, 0.0, 0.0), 0.0
-    for c in range(stage.table.shape[0]):
-        stage.walls.one[0] = c
-        gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
-                              stage.poses, stage.motion, c, x0, x1)
-        if gap < deepest:
-            obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
-            lag, depth = dot(n, subtract(obj, u)), starts_inside(
-                stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
-            deepest, along, way = gap, n, max(-gap, dt * lag)
-            if depth > 0.0:
-                lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
-                way = max(dt * lag, 0.0)
-    return -deepest, add_scaled(x1, way, along)
-
-
-@kernel
 def _is_at_wall(stage, i, answers):
     """Whether particle i now ends inside a collider."""
-    return _pushed(stage, i, answers)[0] > DEEP * stage.matter.radius[i]
+    return pushed_place(stage, i, answers)[0] > DEEP * stage.matter.radius[i]
 
 
 @inlined
@@ -260,7 +230,7 @@ def _find_pushed(stage, bounced, bounces, velocities, answers):
     meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
     for k in range(_list_at_walls(stage, bounced, bounces)):
         i = meetings.struck[k]
-        depth, place = _pushed(stage, i, answers)
+        depth, place = pushed_place(stage, i, answers)
         if depth > DEEP * stage.matter.radius[i]:
             put_at(velocities, size, 0, column(stage.candidates.u, i))
             put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(stage.x, i))))

@@ -34,6 +34,7 @@ from scenes import product_of
 
 TOLERANCE = 1e-8        # of the lengths and speeds in the scene
 PLACED = 1e-5           # of those, where a fail-safe places, in corners however acute they are
+SOLVED = 3e-5           # of those, with implicit springs: the root of what their energy is found to
 NUDGE = 2.0 ** -33      # of those, to see whether a run is steady
 AMPLIFIED = 1e5         # most that a steady run makes of a nudge
 EYE = np.eye(3)
@@ -104,8 +105,9 @@ def compare(case, run, others, back, random):
     if wedges(case):
         return None
     gaps = apart(run, others, back)
+    least = SOLVED if case['scene'].get('springs', {}).get('solver') == 'implicit' else TOLERANCE
     bad = [k for k, gap in enumerate(gaps) if not gap <= (
-        PLACED if run[k].counters['fail_safes'] else TOLERANCE)]
+        PLACED if run[k].counters['fail_safes'] else least)]
     if not bad or not np.isfinite(gaps[bad[0]]) and not np.isfinite(run[bad[0]].x).all():
         return None
     if any(is_excused(step) for step in [*run[:bad[0] + 1], *others[:bad[0] + 1]]):
