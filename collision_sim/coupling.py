@@ -22,7 +22,7 @@ core/pairs.py.
 from collision_sim.core.candidates import make_candidates
 from collision_sim.core.motion import subdivide
 from collision_sim.core.plan import make_plan
-from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED
+from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED, N_ROWS, N_STEP
 from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import step_blocks
 from collision_sim.core.strikes import strike_blocks
@@ -53,6 +53,7 @@ class Coupling:
         self._candidates = make_candidates(len(scene.particles.position))
         self._solver = self._parts = None
         self._pairs = PairSolver(scene) if scene.pairs else None
+        self._substeps_done = 0
         self.adopt(scene)
 
     def __getstate__(self):
@@ -116,7 +117,9 @@ class Coupling:
     def _substep(self, parts, threads):
         """Take one substep: candidates by springs and pairs, and then the colliders."""
         crew = self._crew_for(parts)
-        parts.accounts[:, N_LOGGED] = 0
+        self._substeps_done += 1
+        rows = 0 if parts.log is None else parts.log.shape[1] // parts.block
+        parts.accounts[:, [N_LOGGED, N_ROWS, N_STEP]] = 0, rows, self._substeps_done
         if self._solver:
             self._stretch(parts, threads)
         if self._pairs:

@@ -30,8 +30,8 @@ from collision_sim.checks import SceneError
 from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.lines import in_lines
 from collision_sim.core.plan import make_plan, Parts
-from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS,
-                                      N_LOGGED, NONE, NORMAL, NOTES, POINT)
+from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS, N_LOGGED,
+                                      N_STEP, NONE, NORMAL, NOTES, OF_STEP, POINT)
 from collision_sim.core.shapes import distances
 from collision_sim.core.stepping import BLOCK, block_size, EVENT_BLOCK, step_blocks
 from collision_sim.core.threads import Crew, share
@@ -274,16 +274,25 @@ class Simulation:
         """Return Contacts of every first, second, ... row of the logs of all blocks."""
         counts = self._accounts[:, N_LOGGED]
         first = (counts - np.cumsum(counts)) % stride
-        rows = [rows[start:n:stride] for rows, start, n in zip(self._log, first, counts)] \
-            if self._log is not None else []
+        rows = [rows[start:n:stride] for rows, start, n in zip(
+            self._logged(), first, counts)] if self._log is not None else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
         log = log[np.argsort(log[:, 0], kind='stable')]
-        if self._coupling is not None:
-            log = _merged(log)
         particle, collider, state = log[:, :POINT].T.astype(np.int64)
         mass = np.broadcast_to(self.scene.particles.mass, self._x.shape[1:])[particle]
         return Contacts(particle, collider, log[:, POINT:NORMAL], log[:, NORMAL:CHANGE],
                         _times(mass[:, None], log[:, CHANGE:]), state)
+
+    def _logged(self):
+        """Give the rows of the log that were written in the last step, of each block."""
+        if self._coupling is None:
+            return self._log
+        stamps = self._log[:, :, 2] // OF_STEP
+        logs = [log[stamp == account[N_STEP]] for log, stamp, account in zip(
+            self._log, stamps, self._accounts)]
+        for log in logs:
+            log[:, 2] %= OF_STEP
+        return logs
 
     def collider_pose(self, name):
         """
@@ -440,15 +449,12 @@ class Simulation:
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
 
     def _lay_out_log(self):
-        """
-        Make room for the contacts of a step, by events of all colliders, or need none.
-
-        With pairs a contact may take two rows, of its collision and of what presses then.
-        """
+        """Make room for the contacts of a step, by events of all colliders, or need none."""
         most = len(self._table)
-        rows = self._block * (most if self._forces is not None else min(most, MOST_CONTACTS))
-        rows *= 1 if self._coupling is None else 2
-        self._log = np.empty((len(self._accounts), rows, LOG)) if self.record_contacts else None
+        most = most if self._forces is not None else min(most, MOST_CONTACTS)
+        self._log = None
+        if self.record_contacts:
+            self._log = np.zeros((len(self._accounts), most * self._block, LOG))
         self._planned = None
 
     def _parts(self, rules, poses, motion):
@@ -579,24 +585,6 @@ def _coupling(scene):
     """Give what couples the particles; it is imported only where something does."""
     from collision_sim.coupling import Coupling
     return Coupling(scene)
-
-
-def _merged(log):
-    """
-    Add up what a collider does to a particle in several rows of a log, sorted by particle.
-
-    With pairs the rows of a particle are not written one after the other, so that `record` does
-    not find all of them.
-    """
-    _, first, row = np.unique(log[:, :2], axis=0, return_index=True, return_inverse=True)
-    if len(first) < len(log):
-        change = np.zeros((len(first), 3))
-        np.add.at(change, row.reshape(-1), log[:, CHANGE:])
-        log = log[first]
-        log[:, CHANGE:] = change
-        log = log[np.argsort(first)]
-    rank = np.arange(len(log)) - np.searchsorted(log[:, 0], log[:, 0])
-    return log[rank < MOST_CONTACTS]
 
 
 def _times(mass, amount):

@@ -46,8 +46,8 @@ from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity
 from collision_sim.core.nearby import chosen_within, reach_of
 from collision_sim.core.placing import fail_safe, push_out
 from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, N_COLLISION,
-                                      N_CONTACT, N_LOGGED, N_REPULSION, NONE, NORMAL, NOTHING,
-                                      PARALLEL, POINT, REPULSION, SLIDE, STICK)
+                                      N_CONTACT, N_LOGGED, N_REPULSION, N_ROWS, N_STEP, NONE,
+                                      NORMAL, NOTHING, OF_STEP, PARALLEL, POINT, REPULSION, SLIDE, STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
@@ -56,9 +56,38 @@ SLIGHT = 1e-6           # share of a radius: no deeper is who only rests where p
 
 
 @inlined
+def _write_row(log, b, row, i, c, state, point, n, dv):
+    """Write a contact to a row of the log."""
+    log[b, row, 0], log[b, row, 1], log[b, row, 2] = i, c, state
+    for d in range(3):
+        log[b, row, POINT + d], log[b, row, NORMAL + d] = point[d], n[d]
+        log[b, row, CHANGE + d] = dv[d]
+
+
+@kernel
+def _record_by_particle(log, accounts, here, c, state, point, n, dv):
+    """Log a contact as `record`, where other particles are logged between those of a particle."""
+    b, rows = here.block, accounts[here.block, N_ROWS]
+    stamp = OF_STEP * accounts[b, N_STEP]
+    first = (here.particle - b * (log.shape[1] // rows)) * rows
+    for k in range(first, first + rows):
+        if not stamp <= log[b, k, 2] < stamp + OF_STEP:
+            _write_row(log, b, k, here.particle, c, stamp + state, point, n, dv)
+            accounts[b, N_LOGGED] += 1
+            return
+        if log[b, k, 1] == c:
+            for d in range(3):
+                log[b, k, CHANGE + d] += dv[d]
+            return
+
+
+@inlined
 def record(log, accounts, here, c, state, point, n, dv):
     """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
     if log is not None:
+        if log.shape[1] > 0 and accounts[here.block, N_ROWS] > 0:
+            _record_by_particle(log, accounts, here, c, state, point, n, dv)
+            return
         b, i, rows, own = here.block, here.particle, accounts[here.block, N_LOGGED], 0
         for k in range(max(rows - MOST_CONTACTS, 0), rows):
             if log[b, k, 0] == i:
@@ -69,10 +98,7 @@ def record(log, accounts, here, c, state, point, n, dv):
                     return
         if own == MOST_CONTACTS or rows == log.shape[1]:
             return
-        log[b, rows, 0], log[b, rows, 1], log[b, rows, 2] = i, c, state
-        for d in range(3):
-            log[b, rows, POINT + d], log[b, rows, NORMAL + d] = point[d], n[d]
-            log[b, rows, CHANGE + d] = dv[d]
+        _write_row(log, b, rows, i, c, state, point, n, dv)
         accounts[b, N_LOGGED] = rows + 1
 
 

@@ -33,15 +33,19 @@ COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'u
             'pair_collisions', 'pair_contacts', 'frozen')
 (N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED, N_PAIR_COLLISION,
  N_PAIR_CONTACT, N_FROZEN) = range(9)
-# Columns of the accounts (blocks, ACCOUNTS): counters, rows of the log, and room, so that what
-# threads write is not in one cache line.
-N_LOGGED, ACCOUNTS = 9, 16
+# Columns of the accounts (blocks, ACCOUNTS): counters; rows of the log; where particles act on
+# each other, rows that each has in the log and the number of the step, else 0; and room, so that
+# what threads write is not in one cache line.
+N_LOGGED, N_ROWS, N_STEP, ACCOUNTS = 9, 10, 11, 16
 
 # Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes
-# (blocks, NOTES, 3) on unplaced particles: particle, collider, other collider.
+# (blocks, NOTES, 3) on unplaced particles: particle, collider, other collider. Where each particle
+# has rows of its own, OF_STEP times the number of the step is added to the state: rows with
+# another one are empty.
 POINT, NORMAL, CHANGE, LOG = 3, 6, 9, 12
 NOTES = 8
+OF_STEP = 8
 MOST_CONTACTS = 4           # colliders logged for one particle in one step
 
 CHECKS = 3                  # most collisions of a particle in one step, as in the lecture

@@ -143,8 +143,9 @@ def losses_are_losses(case, run, random):
         if not (step.scene.drag and any(step.scene.drag.wind)) and not step.balance.drag <= limit:
             return f'step {k}: drag brings {step.balance.drag:.3g} J'
         gain = step.balance.internal + min(step.balance.contact, 0.0)
+        limit += abs(step.balance.drag)
         if not ('springs' in case['scene'] or overlap(case, step) or is_driven(case, step)
-                or turns(step) or gain <= limit + abs(step.balance.drag)):
+                or turns(step) or step.counters['repulsions'] or gain <= limit):
             return f'step {k}: pairs bring {gain:.3g} J'
         if is_still(step) and not np.abs(step.balance.colliders).max(initial=0.0) <= limit:
             return f'step {k}: colliders that stand still work {step.balance.colliders.tolist()} J'

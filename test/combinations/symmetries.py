@@ -34,7 +34,7 @@ from scenes import product_of
 
 TOLERANCE = 1e-8        # of the lengths and speeds in the scene
 PLACED = 1e-5           # of those, where a fail-safe places, in corners however acute they are
-SOLVED = 3e-5           # of those, with implicit springs: the root of what their energy is found to
+SOLVED = 3e-5           # of those, with implicit springs: the root of the share of their energy
 NUDGE = 2.0 ** -33      # of those, to see whether a run is steady
 AMPLIFIED = 1e5         # most that a steady run makes of a nudge
 EYE = np.eye(3)
