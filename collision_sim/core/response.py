@@ -47,7 +47,8 @@ from collision_sim.core.nearby import chosen_within, reach_of
 from collision_sim.core.placing import fail_safe, push_out
 from collision_sim.core.rules import (CHANGE, CHECKS, COLLISION, MOST_CONTACTS, N_COLLISION,
                                       N_CONTACT, N_LOGGED, N_REPULSION, N_ROWS, N_STEP, NONE,
-                                      NORMAL, NOTHING, OF_STEP, PARALLEL, POINT, REPULSION, SLIDE, STICK)
+                                      NORMAL, NOTHING, OF_STEP, PARALLEL, POINT, REPULSION, SLIDE,
+                                      STICK)
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
