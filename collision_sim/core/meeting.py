@@ -24,7 +24,7 @@ from collision_sim.core.courses import material_velocity
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, RESTITUTION, SIDE, STATIC, WET
-from collision_sim.core.surfaces import (face_beside, FACES, faces, gap_to, open_face,
+from collision_sim.core.surfaces import (face_beside, FACES, faces, gap_to, open_face, runs_off,
                                          touching_depth)
 from collision_sim.core.vectors import add_scaled, cross, dot, EPSILON, is_finite, length, subtract
 
@@ -118,7 +118,8 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
                 n = gap_to(rules, here, table, poses, courses, c, other, side, here.radius, t,
                            x)[2]
             v_n = dot(w, n)
-            if v_n > rounding and not leaving:
+            if not leaving and (v_n > rounding or (v_n >= -rounding and runs_off(
+                    rules, here, table, poses, courses, c, t, x, w, n, touching, rounding))):
                 continue
             if v_n < -rounding:
                 beside = face_beside(rules, here, table, poses, courses, c, here.radius, t, x, w,

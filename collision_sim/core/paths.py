@@ -41,6 +41,7 @@ from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, la
 
 TOLERANCE = 1e-13       # largest local error of a step, relative to its changes
 STIFF_TOLERANCE = 2e-12     # that of a stiff step, whose rounding is larger
+DEEPER = 4.0            # times the depth of touching that a step may end below a face in a seam
 QUERIES = 20_000        # most evaluations of a gap before a search is given up as undecided
 
 decay = kernel(decay)
@@ -274,7 +275,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
             beside = 0
             if abs(rate) <= rounding and face == 0 and side > 0.0:  # it may fall along a seam
                 beside = open_face(rules, here, table, poses, courses, c, radius, t, x, n,
-                                   touching)
+                                   DEEPER * touching)
                 if beside > 0:
                     gap, slope, n = gap_to(rules, here, table, poses, courses, c, beside, side,
                                            radius, t, x)

@@ -38,6 +38,7 @@ from collision_sim.core.vectors import (add, add_scaled, dot, largest, length, o
                                         rotate_back, subtract, turned)
 import numpy as np
 
+STEEP = 0.5             # cosine below which two normals are of faces with an edge in between
 FACES = 8               # room for the faces of a collider
 
 
@@ -210,6 +211,22 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
                     rules, here, table, poses, courses, c, face - 1, t, x):
                 return face
     return 0
+
+
+@kernel
+def runs_off(rules, here, table, poses, courses, c, t, x, w, n, slack, rounding):
+    """
+    Whether a point on a face of a box or cylinder, with the normal n, leaves it over its edge now.
+
+    There is nothing beyond that a point could slide on; a ball goes on to the round of the edge.
+    The other arguments are as in `face_beside`.
+    """
+    if here.radius == 0.0 and has_faces(table, c):
+        for face in range(1, faces(table, c, -1.0) + 1):
+            gap, _, m = gap_to(rules, here, table, poses, courses, c, face, 1.0, 0.0, t, x)
+            if abs(gap) <= slack and dot(w, m) > rounding and dot(m, n) < STEEP:
+                return True
+    return False
 
 
 @kernel

@@ -168,3 +168,25 @@ def test_a_start_in_a_stack_of_boxes_comes_out(method, detection, start):
         assert depth <= before + 1e-12 or method == 'single_pass'
         before = depth
     assert depth < (0.9 if method == 'single_pass' else 1e-6)
+
+
+@pytest.mark.parametrize('short', [0.0, 1e-16, 1e-15, 3e-15])
+@pytest.mark.parametrize('kind', ['box', 'cylinder'])
+def test_exact_slides_over_an_edge_that_it_is_at(kind, short):
+    """A point that a step has brought to an edge, or just not, flies on as fast as it slides."""
+    size = {'size': [2.0, 1.0, 1.0]} if kind == 'box' else {'radius': 0.5, 'length': 1.0}
+    sim = simulate([{'name': 'c', 'shape': kind, **size}], (0.0, 0.5 - short, 0.5),
+                   (0.0, 1.0, 0.0), method='exact', dt=0.1)
+    sim.step()
+    assert_allclose(sim.velocity, [[0.0, 1.0, -0.1 * G]], atol=1e-13)
+    assert_allclose(sim.position, [[0.0, 0.6, 0.5 - 0.005 * G]], atol=1e-13)
+
+
+def test_exact_comes_to_rest_on_a_seam():
+    """Bounces that die out right above the seam of two boxes do not end in it."""
+    boxes = [box((2.0, 1.0, 1.0), (x, 0.0, 0.0), name) for name, x in (('a', 0.0), ('b', 2.0))]
+    sim = simulate(boxes, (1.0, 0.0, 0.55), (0.0, 1.0, 0.0), method='exact', dt=0.1,
+                   restitution=0.3)
+    sim.step(4)
+    assert_allclose(sim.position, [[1.0, 0.4, 0.5]], atol=1e-14)
+    assert_array_equal(sim.velocity, [[0.0, 1.0, 0.0]])
