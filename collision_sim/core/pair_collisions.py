@@ -57,7 +57,7 @@ from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (account_of, COLLISION, N_COLLISION, N_PAIR_COLLISION,
-                                      N_UNDECIDED, NONE, ROUNDING, Touch)
+                                      N_UNDECIDED, N_UNSETTLED, NONE, ROUNDING, Touch)
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
@@ -374,7 +374,7 @@ def _is_first(stage, c):
 def _collide_group(stage, dry, wet, first, count, room):
     """Let a group of contacts collide at once."""
     friction = collide_group(dry, wet, stage.pair_rules.laws, stage.pile, first, count, room)
-    stage.accounts[0, N_UNDECIDED] += friction == OPEN
+    stage.accounts[0, N_UNSETTLED] += friction == OPEN
 
 
 @kernel

@@ -61,7 +61,7 @@ from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT,
                                               list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
 from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_REPULSION,
-                                      N_UNDECIDED, NONE, REPULSION, ROUNDING, SLIDE, STICK)
+                                      N_UNSETTLED, NONE, REPULSION, ROUNDING, SLIDE, STICK)
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
@@ -464,7 +464,7 @@ def _has_an_end(stage, bodies, again):
 def _end(stage, dry, base, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
-    stage.accounts[0, N_UNDECIDED] += numbers[OPEN_GROUPS]
+    stage.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
     for c in range(pairs):
         stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
     remember(stage, contacts, bodies, again)

@@ -110,7 +110,8 @@ def compare(case, run, others, back, random):
         PLACED if run[k].counters['fail_safes'] else least)]
     if not bad or not np.isfinite(gaps[bad[0]]) and not np.isfinite(run[bad[0]].x).all():
         return None
-    if any(is_excused(step) for step in [*run[:bad[0] + 1], *others[:bad[0] + 1]]):
+    if any(is_excused(step) or step.counters['unsettled']
+           for step in [*run[:bad[0] + 1], *others[:bad[0] + 1]]):
         return None
     one, other = run[bad[0]], others[bad[0]]
     if one.counters['fail_safes'] != other.counters['fail_safes'] and (one.gaps[:, 0] < 0.0).any():
