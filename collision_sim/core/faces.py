@@ -349,7 +349,7 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
         if not is_covered(rules, here, table, poses, motion, c, face, at, when, x0, False,
                           taken != 0):
             break
-        if first == NONE:
+        if first == NONE or first_time == PAST > time:      # it is just not beyond a seam
             first, first_time = face, time
         taken |= 1 << face
     height, n = face_at(table, c, face, q1)

@@ -247,12 +247,16 @@ def balls_keep_apart(case, run, random):
 
 
 def _has_room(case, step, balls):
-    """Whether at most one collider is near any of some balls, and none starts inside of it."""
+    """Whether at most one surface is near any of some balls, and none starts inside of it."""
     near = 0
     for c in range(len(step.scene.colliders)):
         before, after = step.gaps[c]
         size = each(case, 'radius', 0.0)
-        near += any(after[i] < 0.5 * size[i] for i in balls)
+        collider = step.scene.colliders[c]
+        tight = collider.inside and min(collider.size[:1] if collider.shape == 'capsule' else
+                                        [half for half in collider.size if half > 0.0],
+                                        default=np.inf) < 3.0 * max(size[i] for i in balls)
+        near += (2 if tight else 1) * any(after[i] < 0.5 * size[i] for i in balls)
         if any(before[i] < -slack(case, step, c)[i] for i in balls):
             return False
     return near < 2 and len(step.x) < 4
