@@ -26,6 +26,7 @@ from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.shapes import KINETIC, RESTITUTION, SIDE, STATIC, WET
 from collision_sim.core.surfaces import (face_beside, FACES, faces, gap_to, open_face, runs_off,
                                          touching_depth)
+from collision_sim.core.ties import stands_first
 from collision_sim.core.vectors import add_scaled, cross, dot, EPSILON, is_finite, length, subtract
 
 # Columns of the rows: what they are sorted by, static, kinetic and wet friction, restitution,
@@ -57,17 +58,21 @@ def surfaces_of(met, choice):
 
 
 @kernel
-def _comes_first(met, a, b):
-    for k in range(NEED):
+def _comes_first(table, poses, row, met, a, b):
+    for k in range(SURFACE):
         if met[a, k] != met[b, k]:
             return met[a, k] < met[b, k]
-    return False
+    s, other = surface_of(met, a), surface_of(met, b)
+    if s // FACES == other // FACES:
+        return s < other
+    return stands_first(table, poses, row, s // FACES, facing(met, a), other // FACES,
+                        facing(met, b))
 
 
 @kernel
-def _sort_in(met, last):
-    """Sort in the last row."""
-    while last > 0 and _comes_first(met, last, last - 1):
+def _sort_in(table, poses, row, met, last):
+    """Sort in the last row of `met`, with a row of the poses."""
+    while last > 0 and _comes_first(table, poses, row, met, last, last - 1):
         for k in range(MET):
             met[last, k], met[last - 1, k] = met[last - 1, k], met[last, k]
         last -= 1
@@ -134,7 +139,7 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
                 met[count, FACING + d] = n[d]
             met[count, SPEED] = v_n if abs(v_n) > rounding else 0.0
             met[count, SURFACE], met[count, NEED] = s, 0.0
-            _sort_in(met, count)
+            _sort_in(table, poses, here.start, met, count)
             count += 1
     return count
 

@@ -29,6 +29,7 @@ SLACK = 256 * EPSILON
 # Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
 EVENT_SLACK = 1e-9
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
+ASIDE = 1e-8 * np.array([(0, 0, 0), (1, 2, -1), (-1, -2, 1), (2, -1, 1), (-2, 1, -1)])     # m
 PRESS = 1e4         # times the mass of a ball: between a collider and such a ball it is in a press
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
 EXCUSES = ('unplaced', 'undecided', 'frozen')
@@ -135,7 +136,7 @@ def passes_nothing(case, run, random):
     particle that starts inside of it.
     """
     for k, step in enumerate(run):
-        if is_excused(step):
+        if is_excused(step) or has_no_place(case, step):
             continue
         for c, collider in enumerate(step.scene.colliders):
             if collider.mesh:
@@ -149,18 +150,23 @@ def passes_nothing(case, run, random):
 
 
 def _crosses(case, step, c):
-    """Crossings of a mesh that does not turn in the step; at both ends away from it."""
+    """
+    Crossings of a mesh that does not turn in the step; at both ends away from it.
+
+    Of chords beside each other the one that crosses least: one along a face may cross its edges.
+    """
     collider, (p0, q0), (p1, q1) = step.scene.colliders[c], step.poses0[c], step.poses[c]
     if np.abs(np.subtract(q0, q1)).max() > 1e-12:
         return None
     for i in range(len(step.x)):
         if not _starts_outside(case, step, i, but=c):
             continue
-        count = crossings(collider, (p0, q0), (p1, q1), step.x0[i], step.x[i])
+        count = min((crossings(collider, (p0, q0), (p1, q1), step.x0[i] + aside, step.x[i] + aside)
+                     for aside in ASIDE), key=lambda crossed: (crossed % 2, crossed))
         ends = np.abs([distance(collider, (p0, q0), step.x0[i:i + 1])[0],
                        distance(collider, (p1, q1), step.x[i:i + 1])[0]])
-        if count and (ends > 1e-9).all() and not (collider.mesh.closed and distance(
-                collider, (p0, q0), step.x0[i:i + 1])[0] < 0.0) and count % 2 + (
+        inside = collider.mesh.closed and step.gaps[c][0][i] < -slack(case, step, c)[i]
+        if count and (ends > 1e-9).all() and not inside and count % 2 + (
                 count > 0 and not collider.mesh.closed):
             return f'particle {i} goes through {collider.name}'
     return None
@@ -209,6 +215,21 @@ def _normal(collider, turn, place):
     return n / max(np.linalg.norm(n), 1e-300)
 
 
+def inner_room(collider):
+    """Radius [m] of the largest ball inside a collider; infinite where particles are outside."""
+    if not collider.inside or collider.shape in ('plane', 'mesh'):
+        return np.inf
+    if collider.shape in ('sphere', 'capsule'):
+        return collider.size[0]
+    return min(half for half in collider.size if half > 0.0)
+
+
+def has_no_place(case, step):
+    """Whether a particle starts inside a collider whose cavity is too small for it."""
+    return any((step.gaps[c][0][each(case, 'radius', 0.0) > inner_room(collider)] < 0.0).any()
+               for c, collider in enumerate(step.scene.colliders))
+
+
 def balls_keep_apart(case, run, random):
     """
     Balls that do not overlap do not come to overlap by more than 1 % of the smaller radius.
@@ -252,10 +273,7 @@ def _has_room(case, step, balls):
     for c in range(len(step.scene.colliders)):
         before, after = step.gaps[c]
         size = each(case, 'radius', 0.0)
-        collider = step.scene.colliders[c]
-        tight = collider.inside and min(collider.size[:1] if collider.shape == 'capsule' else
-                                        [half for half in collider.size if half > 0.0],
-                                        default=np.inf) < 3.0 * max(size[i] for i in balls)
+        tight = inner_room(step.scene.colliders[c]) < 3.0 * max(size[i] for i in balls)
         near += (2 if tight else 1) * any(after[i] < 0.5 * size[i] for i in balls)
         if any(before[i] < -slack(case, step, c)[i] for i in balls):
             return False

@@ -27,7 +27,7 @@ is for those that are symmetric.
 
 import copy
 
-from bounds import is_excused
+from bounds import has_no_place, is_excused
 from cases import acts, calls, changed, each, particles, play, single_steps
 import numpy as np
 from scenes import product_of
@@ -110,7 +110,7 @@ def compare(case, run, others, back, random):
         PLACED if run[k].counters['fail_safes'] else least)]
     if not bad or not np.isfinite(gaps[bad[0]]) and not np.isfinite(run[bad[0]].x).all():
         return None
-    if any(is_excused(step) or step.counters['unsettled']
+    if any(is_excused(step) or step.counters['unsettled'] or has_no_place(case, step)
            for step in [*run[:bad[0] + 1], *others[:bad[0] + 1]]):
         return None
     one, other = run[bad[0]], others[bad[0]]
