@@ -22,6 +22,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import EPSILON, FLIGHTS, G, METHODS, order, plane, simulate
 
+pytestmark = pytest.mark.plain
+
 START, VELOCITY = (1.0, -2.0, 3.0), (3.0, 0.5, 4.0)
 
 

@@ -22,6 +22,8 @@ import pytest
 from small_scenes import (box, EPSILON, FAR, FIRST_ORDER, incline, METHODS, order, plane,
                           root_mean_square, simulate, sphere, STAGED, swinging_wall)
 
+pytestmark = pytest.mark.plain
+
 every_method = pytest.mark.parametrize('method', METHODS)
 WEIGHTLESS = (0.0, 0.0, 0.0)
 PERIOD = 2.13913760055868884        # T42: 4 sqrt(R / g) K(sin(1/2)), R = 1, released at 1 rad
