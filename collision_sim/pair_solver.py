@@ -129,7 +129,7 @@ class PairSolver:
             self._cells, self._moved, self._pile, self._walls, candidates, parts.table,
             parts.poses, self._motion_of(parts), parts.log if parts.log is not None else np.empty(
                 (len(parts.accounts), 0, LOG)), parts.accounts, parts.ledger, parts.x, parts.v,
-            parts.motion is not None)
+            parts.motion is not None, rules.checks is None)
         self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,

@@ -23,7 +23,7 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.around import find_around, move, Moved
-from collision_sim.core.candidates import Candidates, fly_anew
+from collision_sim.core.candidates import Candidates, fly_anew, is_settled
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
@@ -78,7 +78,8 @@ class Stage(NamedTuple):
     moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
     ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written. Where
     nothing moves the motion is zero, where nothing is logged the log has no room: so a scene with
-    either compiles nothing. moves: whether a collider moves.
+    either compiles nothing. moves: whether a collider moves; bounces: whether contacts with
+    colliders are elastic, as there is no collision stage (`single_pass` and `multi_pass`).
     """
 
     rules: Rules
@@ -100,6 +101,7 @@ class Stage(NamedTuple):
     x: np.ndarray
     v: np.ndarray
     moves: bool
+    bounces: bool
 
 
 @inlined
@@ -321,6 +323,8 @@ def pushed_place(stage, i, answers):
             lag, depth = dot(n, subtract(obj, u)), starts_inside(
                 stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
             deepest, along, way = gap, n, max(-gap, dt * lag)
+            if stage.bounces and not is_settled(stage.candidates, i):
+                way = max(way, dt * lag * (1.0 + stage.table[c, RESTITUTION]))
             if depth > 0.0:
                 lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
                 way = max(dt * lag, 0.0)
@@ -353,6 +357,8 @@ def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
     for k in range(size):
         kept[k] = kept[k] or _meets_somebody(stage, struck[k])
     for k in range(size):
+        if stage.bounces:
+            put(stage.candidates.u, struck[k], at(before, k, 3))
         depth, place = pushed_place(stage, struck[k], answers)
         if depth > 0.0:
             put_at(after, k, 3, scaled(1.0 / stage.rules.flight.dt, subtract(

@@ -446,18 +446,20 @@ def _count_met(stage, bodies, base, answers):
 @kernel
 def _has_an_end(stage, bodies, again):
     """
-    Whether the pushes do not grow from run to run.
+    Whether the pushes do not grow from run to run, by more than the radius of who is pushed.
 
     Where there is no place for all they would, as each leads into others: the next step goes on.
     """
-    pile, farthest = stage.pile, 0.0
+    pile, farthest, beyond = stage.pile, 0.0, 0.0
     for a in range(bodies):
-        u = column(stage.candidates.u, pile.particle[a])
-        farthest = max(farthest, stage.rules.flight.dt * length(
-            subtract(u, at(pile.bodies, a, KEPT))))
+        i = pile.particle[a]
+        shift = stage.rules.flight.dt * length(
+            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        farthest = max(farthest, shift)
+        beyond = max(beyond, shift - stage.matter.radius[i])
     if not again:
         pile.farthest[0] = farthest
-    return farthest <= GROWN * pile.farthest[0]
+    return beyond <= GROWN * pile.farthest[0]
 
 
 @kernel
