@@ -36,7 +36,7 @@ COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'u
 # Columns of the accounts (blocks, ACCOUNTS): counters; rows of the log; where particles act on
 # each other, rows that each has in the log and the number of the step, else 0; and room, so that
 # what threads write is not in one cache line.
-N_LOGGED, N_ROWS, N_STEP, ACCOUNTS = 10, 11, 12, 16
+N_LOGGED, N_ROWS, N_STEP, ACCOUNTS = 10, 11, 12, 24
 
 # Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes

@@ -15,6 +15,7 @@
 """What the machine gives, and what a start and a particle cost: for `collision_sim bench`."""
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 import os
 from pathlib import Path
 from statistics import median
@@ -104,10 +105,17 @@ def bandwidth(threads, size=None):
     return 2 * array.nbytes / min(times)
 
 
+@contextmanager
 def _python(code, *words):
-    return subprocess.Popen([sys.executable, '-c', code, *words], stdout=subprocess.PIPE,
-                            text=True, start_new_session=True,
-                            env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    """Run some code in a process of its own, which an interrupt ends without a word."""
+    with subprocess.Popen([sys.executable, '-c', code, *words], stdout=subprocess.PIPE,
+                          text=True, start_new_session=True,
+                          env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}) as process:
+        try:
+            yield process
+        except BaseException:
+            process.kill()
+            raise
 
 
 def _start():

@@ -21,6 +21,7 @@ A process that dies (out of memory, say) takes down its own run only, which is d
 from collections import deque
 from contextlib import suppress
 import multiprocessing
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 import os
 import signal
@@ -38,6 +39,7 @@ class Worker:
     def __init__(self):
         self.pipe, far = CONTEXT.Pipe()
         self._process = CONTEXT.Process(target=_serve, args=(far,), daemon=True)
+        resource_tracker.ensure_running()       # `start` would do so, and let SIGINT in after it
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})   # inherited
         try:
             self._process.start()
