@@ -97,9 +97,8 @@ class Work(NamedTuple):
     sweeps: most of each kind; slow [m/s]: what gravity does in a step; progress (2 * phases,)
     int64: of threads.finish; totals (2 * sweeps, 2): energy [J] and largest speed [m/s] of the
     changes of each sweep; numbers (NUMBERS,) int64: bodies that are particles, contacts between
-    these, all bodies, all contacts, colours, groups, how many have been met anew, groups
-    whose friction is open; start
-    (COLOURS + 1,) int64: of each in their order.
+    these, all bodies, all contacts, colours, groups, how many have been met anew, groups whose
+    friction is open; start (COLOURS + 1,) int64: of each in their order.
     """
 
     sweeps: int

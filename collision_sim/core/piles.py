@@ -33,8 +33,8 @@ sweeps of contact_solver.py, which start from the impulses of the last step. Col
 bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
 what they do to it is booked and logged here: response.py finds their particles on the surface.
 Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
-has led, for the groups of those that are met anew, AGAIN times at most, and not where pushes grow
-by that. In groups of more than MOST_AGAIN particles that waits for the next step.
+has led, for the groups of those that are met anew, AGAIN times at most, and no more once the
+pushes grow. In groups of more than MOST_AGAIN particles that waits for the next step.
 
 Sources: J. J. Moreau (1999), impulses with friction that act on the velocity at the end; E. Catto
 (2005), the impulses of the last step; E. Coumans (2015), the push apart by itself.

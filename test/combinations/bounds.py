@@ -30,7 +30,6 @@ SLACK = 256 * EPSILON
 EVENT_SLACK = 1e-9
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
 ASIDE = 1e-8 * np.array([(0, 0, 0), (1, 2, -1), (-1, -2, 1), (2, -1, 1), (-2, 1, -1)])     # m
-PRESS = 1e4         # times the mass of a ball: between a collider and such a ball it is in a press
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
 EXCUSES = ('unplaced', 'undecided', 'frozen')
 AROUND = np.random.default_rng(0).standard_normal((64, 3))
@@ -51,17 +50,6 @@ def slack(case, step, c):
 def is_excused(step):
     """Whether a counter says that somebody could not be placed, or was given up."""
     return any(step.counters[key] for key in EXCUSES)
-
-
-def collider_speed(step, c):
-    """Bound of the speed of the surface of a collider near the particles [m/s]."""
-    (p0, q0), (p1, q1) = step.poses0[c], step.poses[c]
-    dt = step.scene.stepping.dt or 1.0
-    arm = np.abs(step.x0 - p0).max() + np.abs(step.x - p1).max()
-    turn = 2.0 * min(np.linalg.norm(np.subtract(q0, q1)), np.linalg.norm(np.add(q0, q1)))
-    motion = step.scene.colliders[c].motion
-    spin = np.linalg.norm(motion.angular_velocity) if motion else 0.0
-    return np.linalg.norm(np.subtract(p1, p0)) / dt + arm * max(turn / dt, spin)
 
 
 def stays_outside(case, run, random):
@@ -268,15 +256,13 @@ def balls_keep_apart(case, run, random):
 
 
 def _has_room(case, step, balls):
-    """Whether at most one surface is near any of some balls, and none starts inside of it."""
+    """Whether at most one surface is near any of some balls."""
     near = 0
     for c in range(len(step.scene.colliders)):
-        before, after = step.gaps[c]
+        _, after = step.gaps[c]
         size = each(case, 'radius', 0.0)
         tight = inner_room(step.scene.colliders[c]) < 3.0 * max(size[i] for i in balls)
         near += (2 if tight else 1) * any(after[i] < 0.5 * size[i] for i in balls)
-        if any(before[i] < -slack(case, step, c)[i] for i in balls):
-            return False
     return near < 2 and len(step.x) < 4
 
 
@@ -303,16 +289,10 @@ def _cluster(case, step, balls):
 
 
 def _is_press(case, step, balls):
-    """Whether some balls are between a collider and one of them that is far heavier."""
+    """Whether some balls are between a collider and one of them that nothing moves."""
     mass, radius = each(case, 'mass', 1.0)[balls], each(case, 'radius', 0.0)[balls]
-    heavy = int(np.argmax(mass))
-    if not mass[heavy] > PRESS * mass.min():
-        return False
-    fall = 2.0 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt
-    return any((step.gaps[c][:, balls] < 0.5 * radius).any() and (
-        np.isinf(mass[heavy])
-        or np.linalg.norm(step.v0[balls[heavy]]) + collider_speed(step, c) > fall)
-        for c in range(len(step.scene.colliders)))
+    return bool(np.isinf(mass).any()) and any(
+        (gaps[:, balls] < 0.5 * radius).any() for gaps in step.gaps)
 
 
 def _between(step):
