@@ -409,8 +409,8 @@ def _collide_together(stage, dry, wet, room, turn):
 
 @inlined
 def _respond(stage, dry, wet, room, turn):
-    """Answer all that comes now; whether there was anything."""
-    meetings, walls, together, alone = stage.meetings, stage.walls, False, False
+    """Answer all that comes now; whether anybody has collided, else the next round is the same."""
+    meetings, walls, together = stage.meetings, stage.walls, False
     for k in range(meetings.size[1]):
         p = meetings.active[k]
         if _is_pair_now(stage, p):
@@ -420,7 +420,6 @@ def _respond(stage, dry, wet, room, turn):
                 _note(meetings, i, turn)
                 _note(meetings, j, turn)
                 stage.accounts[0, N_PAIR_COLLISION] += 1
-                alone = True
             else:
                 together = True
     for k in range(walls.size[0]):
@@ -429,12 +428,11 @@ def _respond(stage, dry, wet, room, turn):
             if meetings.states[i, BUSY] == 1 or not _is_passive(stage, i):
                 _collide_with_wall(stage, k)
                 _note(meetings, i, turn)
-                alone = True
             else:
                 together = True
     if together:
         _collide_together(stage, dry, wet, room, turn)
-    return together or alone
+    return meetings.size[3] > 0
 
 
 @inlined
