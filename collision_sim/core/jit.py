@@ -206,9 +206,16 @@ def _compiled(options):
         dispatcher = njit(**options)(function)
         if not config.DISABLE_JIT:
             dispatcher._cache = _cache_of(function)
+            dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)
             dispatcher.compile = partial(_compile, dispatcher.compile)
         return dispatcher
     return decorate
+
+
+def _call_template(template_of, args, keywords):
+    """Return how a function is called; with constants as with other values, not once more."""
+    return template_of(tuple(types.unliteral(arg) for arg in args),
+                       {name: types.unliteral(arg) for name, arg in keywords.items()})
 
 
 def _compile(compile_here, signature):
