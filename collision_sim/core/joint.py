@@ -302,12 +302,34 @@ def _press_normally(pile, first, count, room, which, bound):
     press(room, count)
     for k in range(count):
         _add_normally(pile, first, k, room, which, 1.0)
-    if _largest_speed(pile, first, count, which) > most:
+    if _largest_speed(pile, first, count, which) > most and _is_squeezed(pile, first, count, room):
         for k in range(count):
             _add_normally(pile, first, k, room, which, -1.0)
         _press_softly(room, count)
         for k in range(count):
             _add_normally(pile, first, k, room, which, 1.0)
+
+
+@kernel
+def _is_squeezed(pile, first, count, room):
+    """Whether two bodies that nothing moves push a group from opposite sides."""
+    for k in range(count):
+        c = pile.member[first + k]
+        side = _fixed_side(pile, c)
+        if side != 0.0 and room.vectors[FORCE, k] > 0.0:
+            for m in range(k):
+                d = pile.member[first + m]
+                if room.vectors[FORCE, m] > 0.0 and side * _fixed_side(pile, d) * dot(
+                        at(pile.contacts, c, NORMAL), at(pile.contacts, d, NORMAL)) < 0.0:
+                    return True
+    return False
+
+
+@inlined
+def _fixed_side(pile, c):
+    """1 where the second body of contact c has infinite mass, -1 where the first has, else 0."""
+    return (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
+        pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
 
 
 @inlined
@@ -589,8 +611,7 @@ def _lifts_for_nothing(part, pull, pile, first, count):
         impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
         taken -= 0.5 * dot(impulse, approach_of(pile, c, FREE)) + 0.5 * dot(
             impulse, approach_of(pile, c, ENDING))
-        sides = (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
-            pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
+        sides = _fixed_side(pile, c)
         mean = add_scaled(scaled(part, impulse),
                           pile.contacts[c, PUSH] - part * dot(impulse, n), n)
         lifted -= sides * dot(mean, pull)

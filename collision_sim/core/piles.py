@@ -32,7 +32,8 @@ Groups of up to joint.MOST contacts are solved exactly, whatever their masses; l
 sweeps of contact_solver.py, which start from the impulses of the last step. Colliders take part as
 bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
 what they do to it is booked and logged here: response.py finds their particles on the surface.
-Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
+Whom a push moves onto somebody else, he presses on as well, and so does whom a collider throws or
+pushes onto those that have moved: the stage is run again, from where it
 has led, for the groups of those that are met anew, AGAIN times at most, and no more once the
 pushes grow. In groups of more than MOST_AGAIN particles that waits for the next step.
 
@@ -54,7 +55,7 @@ from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED, pushed_place
+from collision_sim.core.pair_walls import AWAY, here_of, lead, pushed_place
 from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
                                       HEAD, NEAR, put, SECOND, sort_by_place)
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
@@ -201,8 +202,7 @@ def _is_at_wall(stage, i, answers):
 @inlined
 def _is_pushed(stage, i):
     """Whether colliders may push particle i, and nothing else is to be done with them before."""
-    near = stage.meetings.states[i, NEAR]
-    return (near == AT_WALL or near == LISTED) and stage.matter.inverse[i] > 0.0 and (
+    return stage.meetings.states[i, NEAR] > AWAY and stage.matter.inverse[i] > 0.0 and (
         stage.pile.body[i] == NONE and stage.meetings.heat[i] != PUSHED)
 
 
@@ -255,14 +255,14 @@ def _overlaps_somebody(stage, i):
 
 
 @kernel
-def _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers):
+def _pushed_onto(stage, base, bounced, bounces, velocities, answers):
     """
-    List those that colliders push onto somebody; how many bodies then.
+    Find those that colliders push onto somebody, the first in `struck`; how many.
 
     All are led to where they are pushed, so that two that are pushed onto each other find each
     other, and back.
     """
-    meetings, pile, struck = stage.meetings, stage.pile, stage.meetings.struck
+    meetings, struck, onto = stage.meetings, stage.meetings.struck, 0
     size = _find_pushed(stage, bounced, bounces, velocities, answers)
     for k in range(size):
         i = struck[k]
@@ -272,18 +272,21 @@ def _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers):
     for k in range(size):
         i = struck[k]
         lead(stage, i, column(stage.v, i), at(velocities, k, 0), base[i])
-        if meetings.heat[i] and 2 * bodies < pile.bodies.shape[0]:
-            _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+        if meetings.heat[i]:
+            struck[onto] = i
+            onto += 1
         meetings.heat[i] = COLD
-    return bodies
+    return onto
 
 
 @kernel
 def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
-    if not again:
-        bodies = _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers)
+    for k in range(_pushed_onto(stage, base, bounced, bounces, velocities, answers)):
+        if 2 * bodies < stage.pile.bodies.shape[0]:
+            _, bodies = body_of(stage.pile, bodies, stage.candidates, stage.matter.inverse,
+                                stage.meetings.struck[k])
     size, contacts = bodies, pairs
     if bodies > 0:
         size, contacts = list_supports(stage, bodies, pairs, again, answers)
@@ -463,7 +466,7 @@ def _has_an_end(stage, bodies, again):
 
 
 @kernel
-def _end(stage, dry, base, again, numbers, answers):
+def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
     stage.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
@@ -480,6 +483,8 @@ def _end(stage, dry, base, again, numbers, answers):
     numbers[MET] = 0
     if _has_an_end(stage, bodies, again):
         numbers[MET] = _count_met(stage, bodies, base, answers)
+        if numbers[MET] == 0 and bodies > 0:
+            numbers[MET] = _pushed_onto(stage, base, bounced, bounces, velocities, answers)
     if numbers[MET] > 0:
         for p in range(stage.meetings.size[0]):
             i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
@@ -525,7 +530,7 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
     if numbers[COLOURED] > 0:
         phase = _settle_large(work, phase, dry, wet, laws, part, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:
-        _end(stage, dry, base, again, numbers, answers)
+        _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers)
     fetch_add(counters, LEFT, 1)
 
 
