@@ -303,6 +303,26 @@ def _find_at_walls(stage, mark, bounced, bounces):
 
 
 @kernel
+def _pushed_by(stage, here, c, gap, n, x0, u):
+    """Place [m] to which collider c pushes a particle that ends in it, by a gap [m] below 0."""
+    i, dt, table = here.particle, stage.rules.flight.dt, stage.table
+    obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
+    lag = dot(n, subtract(obj, u))
+    depth = starts_inside(stage.rules, here, table, stage.poses, stage.motion, c, x0)
+    dv_n, left = max(lag, 0.0), 0.0
+    if depth > 0.0:
+        dv_n = max(lag + repulsion(depth, dt, stage.rules.share, stage.rules.highest), 0.0)
+    else:
+        if (stage.bounces or stage.meetings.states[i, NEAR] == LEFT) and not (
+                is_settled(stage.candidates, i)):
+            dv_n *= 1.0 + table[c, RESTITUTION]
+        left = max(-gap - dt * dv_n, 0.0)
+    if dv_n > 0.0:
+        u, _ = respond(stage.rules, table, c, u, obj, n, -lag, dv_n)
+    return add_scaled(add_scaled(x0, dt, u), left, n)
+
+
+@kernel
 def pushed_place(stage, i, answers):
     """
     Find how deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
@@ -310,26 +330,16 @@ def pushed_place(stage, i, answers):
     As response.py presses it: no farther than to the surface, or to go with the collider; if it
     has started inside, no faster than it is repelled.
     """
-    x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
-    u = column(stage.candidates.u, i)
-    x1 = add_scaled(x0, dt, u)
-    deepest, along, way = 0.0, (0.0, 0.0, 0.0), 0.0
+    x0, here, u = column(stage.x, i), here_of(stage, i, answers), column(stage.candidates.u, i)
+    x1 = add_scaled(x0, stage.rules.flight.dt, u)
+    deepest, place = 0.0, x1
     for c in range(stage.table.shape[0]):
         stage.walls.one[0] = c
         gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
                               stage.poses, stage.motion, c, x0, x1)
         if gap < deepest:
-            obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
-            lag, depth = dot(n, subtract(obj, u)), starts_inside(
-                stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
-            deepest, along, way = gap, n, max(-gap, dt * lag)
-            if (stage.bounces or stage.meetings.states[i, NEAR] == LEFT) and not (
-                    is_settled(stage.candidates, i)):
-                way = max(way, dt * lag * (1.0 + stage.table[c, RESTITUTION]))
-            if depth > 0.0:
-                lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
-                way = max(dt * lag, 0.0)
-    return -deepest, add_scaled(x1, way, along)
+            deepest, place = gap, _pushed_by(stage, here, c, gap, n, x0, u)
+    return -deepest, place
 
 
 @kernel

@@ -71,15 +71,18 @@ def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, known, si
 
 
 @inlined
-def _end_bound(part, rests, v_n, gap, mean, fast):
+def _end_bound(part, rests, spent, v_n, gap, mean, fast):
     """
     Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there.
 
     An approach v_n that no collision has answered is for the next step: where there is a gap, or
     `fast`, where pushes have brought those together that approach faster than gravity makes it.
+    Who is `spent` has had his collisions: the pair comes to touch with one velocity.
     """
-    if rests and not fast:
+    if rests and (spent or not fast):
         return 0.0
+    if spent:
+        return min(mean, 0.0)
     touching = min((mean - (1.0 - part) * v_n) / part, 0.0)
     return min(touching, v_n) if gap > 0.0 or fast else touching
 
@@ -94,8 +97,8 @@ def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, spe
     else:
         mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
     v_n = dot(n, subtract(column(v, i), column(v, j)))
-    fast = anew and v_n < -pair_rules.slow and not spent
-    return mean, _end_bound(pair_rules.part, rests or spent, v_n, gap, mean, fast)
+    fast = anew and v_n < -pair_rules.slow
+    return mean, _end_bound(pair_rules.part, rests, spent, v_n, gap, mean, fast)
 
 
 @inlined
@@ -187,8 +190,8 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n, spent = dot(n, subtract(column(stage.v, i), first)), is_spent(stage.meetings, i)
-    end = _end_bound(stage.pair_rules.part, known != NONE or spent, v_n, gap, mean,
-                     again and v_n < -stage.pair_rules.slow and not spent)
+    end = _end_bound(stage.pair_rules.part, known != NONE, spent, v_n, gap, mean,
+                     again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
         _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
         return size, count

@@ -275,6 +275,8 @@ def _pushed_onto(stage, base, bounced, bounces, velocities, answers):
         if meetings.heat[i]:
             struck[onto] = i
             onto += 1
+            way = length(subtract(at(velocities, k, 3), at(velocities, k, 0)))
+            stage.pile.farthest[0] = max(stage.pile.farthest[0], stage.rules.flight.dt * way)
         meetings.heat[i] = COLD
     return onto
 
@@ -283,6 +285,8 @@ def _pushed_onto(stage, base, bounced, bounces, velocities, answers):
 def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
+    if not again:
+        stage.pile.farthest[0] = 0.0
     for k in range(_pushed_onto(stage, base, bounced, bounces, velocities, answers)):
         if 2 * bodies < stage.pile.bodies.shape[0]:
             _, bodies = body_of(stage.pile, bodies, stage.candidates, stage.matter.inverse,
@@ -423,46 +427,47 @@ def _count_met_by(stage, i):
     return met
 
 
+@inlined
+def _shift(stage, a):
+    """How far [m] the last run has pushed body a."""
+    return stage.rules.flight.dt * length(subtract(
+        column(stage.candidates.u, stage.pile.particle[a]), at(stage.pile.bodies, a, KEPT)))
+
+
 @kernel
-def _count_met(stage, bodies, base, answers):
-    """Count who is met anew where the pushes have led."""
+def _count_met(stage, bodies, base, again, answers):
+    """
+    Count who is met anew where the pushes have led.
+
+    But not by whom they push farther from run to run, by more than his radius: where there is no
+    place for all, pushes grow, as each leads into others, and the next step goes on.
+    """
     meetings, pile, met = stage.meetings, stage.pile, 0
-    dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
+    slack = stage.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
-        i = pile.particle[a]
+        i, shift = pile.particle[a], _shift(stage, a)
         meetings.heat[i] = COLD
-        meetings.states[i, DRIFT] += dt * length(
-            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        meetings.states[i, DRIFT] += shift
+        if not again:
+            pile.farthest[0] = max(pile.farthest[0], shift)
         follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for a in range(bodies):
         _mark_met(stage, pile.particle[a])
     for a in range(bodies):
-        i = pile.particle[a]
-        met += _count_met_by(stage, i)
-        shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
-        if shift > SUPPORT_REACH * stage.matter.radius[i] and stage.matter.inverse[i] > 0.0:
-            if _is_at_wall(stage, i, answers):
-                met += _spread(stage, i)
+        i, shift, radius = pile.particle[a], _shift(stage, a), stage.matter.radius
+        if shift - radius[i] <= GROWN * pile.farthest[0]:
+            met += _count_met_by(stage, i)
+            if shift > SUPPORT_REACH * radius[i] and stage.matter.inverse[i] > 0.0:
+                if _is_at_wall(stage, i, answers):
+                    met += _spread(stage, i)
     return met
 
 
-@kernel
-def _has_an_end(stage, bodies, again):
-    """
-    Whether the pushes do not grow from run to run, by more than the radius of who is pushed.
-
-    Where there is no place for all they would, as each leads into others: the next step goes on.
-    """
-    pile, farthest, beyond = stage.pile, 0.0, 0.0
+@inlined
+def _mark_bodies(stage, bodies, mark):
+    """Mark all particles that are bodies."""
     for a in range(bodies):
-        i = pile.particle[a]
-        shift = stage.rules.flight.dt * length(
-            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
-        farthest = max(farthest, shift)
-        beyond = max(beyond, shift - stage.matter.radius[i])
-    if not again:
-        pile.farthest[0] = farthest
-    return beyond <= GROWN * pile.farthest[0]
+        stage.meetings.heat[stage.pile.particle[a]] = mark
 
 
 @kernel
@@ -481,10 +486,12 @@ def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers
             _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
     _book(stage, stage.ledger, bodies, pairs, contacts)
     numbers[MET] = 0
-    if _has_an_end(stage, bodies, again):
-        numbers[MET] = _count_met(stage, bodies, base, answers)
-        if numbers[MET] == 0 and bodies > 0:
+    if bodies > 0:
+        numbers[MET] = _count_met(stage, bodies, base, again, answers)
+        if numbers[MET] == 0:
+            _mark_bodies(stage, bodies, PUSHED)
             numbers[MET] = _pushed_onto(stage, base, bounced, bounces, velocities, answers)
+            _mark_bodies(stage, bodies, COLD)
     if numbers[MET] > 0:
         for p in range(stage.meetings.size[0]):
             i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
