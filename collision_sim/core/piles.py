@@ -57,7 +57,8 @@ from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
 from collision_sim.core.pair_walls import AWAY, here_of, lead, pushed_place
 from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
-                                      HEAD, NEAR, put, SECOND, sort_by_place)
+                                      HEAD, HITS, is_spent, MOST_HITS, NEAR, put, SECOND,
+                                      sort_by_place)
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
                                               list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
@@ -463,6 +464,20 @@ def _count_met(stage, bodies, base, again, answers):
     return met
 
 
+@kernel
+def _share_rattles(stage, bodies, pairs):
+    """Let those that press on who is spent be spent as well: what he hands on is inelastic."""
+    pile, states = stage.pile, stage.meetings.states
+    for a in range(bodies):
+        pile.used[a] = is_spent(stage.meetings, pile.particle[a])
+    for c in range(pairs):
+        if _presses(pile, c):
+            for end in range(2):
+                a, b = pile.ends[c, end], pile.ends[c, 1 - end]
+                if pile.used[a] and pile.bodies[a, INVERSE] > 0.0:
+                    states[pile.particle[b], HITS] = MOST_HITS
+
+
 @inlined
 def _mark_bodies(stage, bodies, mark):
     """Mark all particles that are bodies."""
@@ -477,6 +492,7 @@ def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers
     stage.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
     for c in range(pairs):
         stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
+    _share_rattles(stage, bodies, pairs)
     remember(stage, contacts, bodies, again)
     for a in range(bodies):
         put_at(pile.bodies, a, KEPT, column(stage.candidates.u, pile.particle[a]))

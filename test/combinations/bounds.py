@@ -269,11 +269,11 @@ def _has_room(case, step, balls):
 def _is_forced(case, step, balls):
     """Whether two balls are of infinite mass, or hang together with others in a press."""
     mass = each(case, 'mass', 1.0)
-    return bool(np.isinf(mass[list(balls)]).all()) or _is_press(case, step, _cluster(
+    return bool(np.isinf(mass[list(balls)]).all()) or _is_press(case, step, cluster(
         case, step, balls))
 
 
-def _cluster(case, step, balls):
+def cluster(case, step, balls):
     """Balls that hang together with some, by gaps below half of a radius."""
     radius = each(case, 'radius', 0.0)
     found, queue = set(balls), list(balls)
