@@ -25,8 +25,9 @@ a table are, their impulses are not unique: SHIFT on the diagonal chooses among 
 out again by repeating the solution from the last one (proximal point, Rockafellar 1976). Where no
 impulses do, as between two walls that close, they would grow without end: there SOFT on the
 diagonal divides what is missing, and nobody gets faster than those that squeeze him. So it does
-where the way out of a squeeze is SQUEEZED times as fast as what closes, between walls that are all
-but opposite to each other.
+where the way out of a squeeze is SQUEEZED times as fast as what closes, between walls on two sides
+that are all but opposite to each other. A light ball between a wall and a heavy one that gives way
+is shot out as fast as it has to be: by the root of the ratio of their masses at most.
 
 Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
 stay within it stick: one linear system for all of them; a sweep there and back over all contacts
