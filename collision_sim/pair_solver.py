@@ -120,7 +120,7 @@ class PairSolver:
         if pairs == 0 and bounces == 0:
             self.forget()
             return
-        needed = ROOMY * (pairs + bounces)
+        needed = ROOMY * (pairs + bounces) + SPARE
         if needed > len(self._meetings.ends):
             self._make_room(2 * needed)
         self._meetings.size[0] = pairs

@@ -12,16 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Which particles end a step inside a collider: it may throw or push them onto somebody.
-
-Meshes are left out.
-"""
+"""Which particles end a step inside a collider: it may throw or push them onto somebody."""
 
 from collision_sim.core.blocks import clear_if_finite, clear_of_others, collect, TILE
 from collision_sim.core.detection import end_distance
 from collision_sim.core.jit import entry, kernel
 from collision_sim.core.lines import in_lines
+from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.motion import point_velocity, START
 from collision_sim.core.pairs import column
@@ -64,6 +61,9 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
         clear_if_finite(xt, yt, zt, tile)
         clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
                         radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
+        clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, 0, 0,
+                        min(1, poses.shape[0] - 1), radius[a:b], x[0, a:b], x[1, a:b], x[2, a:b],
+                        ends, tile, cells)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
             bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers,

@@ -70,7 +70,7 @@ class Pile(NamedTuple):
     int64: contacts by colour; changes (pieces, 2): of the pieces of a sweep, as `totals` of the
     sweeps; label (B,), group (C + 1,), member (C,) int64: of groups.py; source (C,) int64, work
     (B,) [J/kg]: of pair_collisions.py; farthest (1,) [m]: how far the first run of the contact
-    stage in a step has pushed a body.
+    stage in a step has pushed a body, or a collider pushes one.
     """
 
     bodies: np.ndarray

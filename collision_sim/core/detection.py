@@ -25,7 +25,7 @@ from collision_sim.core.faces import (crossed_face, face_below, face_towards, go
                                       height_over, is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
-from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end
+from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh_gap
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
@@ -62,6 +62,16 @@ def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
                             here.radius, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     return _end_at_faces(rules.present.faced, rules, here, table, poses, motion, c, x0, x1, phi, n)
+
+
+@inlined
+def end_gap(meshes, rules, here, table, poses, motion, c, reach, x0, x1):
+    """Give what `end_distance` does, with the gap to a mesh that the particle stays clear of."""
+    gap, n = end_distance(meshes, rules, here, table, poses, motion, c, x0, x1)
+    if meshes is not None:
+        if table[c, KIND] == MESH and not gap < 0.0:
+            return mesh_gap(meshes, table, poses, here.start, here.end, c, here.radius, reach, x1)
+    return gap, n
 
 
 @inlined

@@ -25,8 +25,9 @@ a table are, their impulses are not unique: SHIFT on the diagonal chooses among 
 out again by repeating the solution from the last one (proximal point, Rockafellar 1976). Where no
 impulses do, as between two walls that close, they would grow without end: there SOFT on the
 diagonal divides what is missing, and nobody gets faster than those that squeeze him. So it does
-where the way out of a squeeze is SQUEEZED times as fast as what closes, between walls that are all
-but opposite to each other.
+where the way out of a squeeze is SQUEEZED times as fast as what closes, between walls on two sides
+that are all but opposite to each other. A light ball between a wall and a heavy one that gives way
+is shot out as fast as it has to be: by the root of the ratio of their masses at most.
 
 Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
 stay within it stick: one linear system for all of them; a sweep there and back over all contacts
@@ -302,12 +303,34 @@ def _press_normally(pile, first, count, room, which, bound):
     press(room, count)
     for k in range(count):
         _add_normally(pile, first, k, room, which, 1.0)
-    if _largest_speed(pile, first, count, which) > most:
+    if _largest_speed(pile, first, count, which) > most and _is_squeezed(pile, first, count, room):
         for k in range(count):
             _add_normally(pile, first, k, room, which, -1.0)
         _press_softly(room, count)
         for k in range(count):
             _add_normally(pile, first, k, room, which, 1.0)
+
+
+@kernel
+def _is_squeezed(pile, first, count, room):
+    """Whether two bodies that nothing moves push a group from opposite sides."""
+    for k in range(count):
+        c = pile.member[first + k]
+        side = _fixed_side(pile, c)
+        if side != 0.0 and room.vectors[FORCE, k] > 0.0:
+            for m in range(k):
+                d = pile.member[first + m]
+                if room.vectors[FORCE, m] > 0.0 and side * _fixed_side(pile, d) * dot(
+                        at(pile.contacts, c, NORMAL), at(pile.contacts, d, NORMAL)) < 0.0:
+                    return True
+    return False
+
+
+@inlined
+def _fixed_side(pile, c):
+    """1 where the second body of contact c has infinite mass, -1 where the first has, else 0."""
+    return (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
+        pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
 
 
 @inlined
@@ -589,8 +612,7 @@ def _lifts_for_nothing(part, pull, pile, first, count):
         impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
         taken -= 0.5 * dot(impulse, approach_of(pile, c, FREE)) + 0.5 * dot(
             impulse, approach_of(pile, c, ENDING))
-        sides = (pile.bodies[pile.ends[c, FIRST], INVERSE] > 0.0) - 1.0 * (
-            pile.bodies[pile.ends[c, SECOND], INVERSE] > 0.0)
+        sides = _fixed_side(pile, c)
         mean = add_scaled(scaled(part, impulse),
                           pile.contacts[c, PUSH] - part * dot(impulse, n), n)
         lifted -= sides * dot(mean, pull)

@@ -125,6 +125,33 @@ def mesh_end(meshes, answers, table, poses, start, end, c, radius, x0, x1):
     return (phi if phi < 0.0 else inf), rotate(poses, end, c, n)
 
 
+@kernel
+def mesh_gap(meshes, table, poses, start, end, c, radius, reach, x1):
+    """
+    Gap [m] between a mesh and a particle that ends clear of it, and the normal.
+
+    Parameters
+    ----------
+    meshes, table, poses, start, end, c, radius, x1
+        As in `mesh_end`, which says that the particle stays clear.
+    reach : float [m]
+        A larger gap is not looked for, and infinite.
+
+    Returns
+    -------
+    phi : float [m]
+    n : (3,) tuple of float [-]
+        World frame.
+
+    """
+    p = to_frame(poses, end, c, x1)
+    if not nearest(meshes, mesh_of(table, c), p, radius + reach)[0] < radius + reach:
+        return inf, (0.0, 0.0, 1.0)
+    distance, n = signed_mesh_distance(meshes, table, c, p)
+    return distance - radius - skin_of(meshes, table, poses, start, end, c), rotate(poses, end, c,
+                                                                                    n)
+
+
 @inlined
 def hit_on_way(meshes, answers, table, poses, start, end, c, radius, x0, x1):
     """First hit of a mesh that does not turn as `mesh_hit`, on the way that `mesh_end` follows."""

@@ -30,7 +30,8 @@ What happens at once is answered at once: all collisions of a round that have a 
 by joint.collide_group. Without sweeps all that meet at the end of the step do so; with sweeps
 those that come first for all that take part, to TIE. Then their candidates are flown anew, the
 pairs and colliders of who has collided are looked at again, with whoever is near its new path, and
-the next round follows until nobody collides. So in a row at rest the push goes from ball to ball,
+the next round follows until nobody collides, and no collider throws anybody onto those that have:
+he is listed then, and rounds go on. So in a row at rest the push goes from ball to ball,
 and the last one leaves. A particle collides MOST_HITS times in a step; what is left is for the
 contact stage, in piles.py. Of more than joint.MOST collisions at once those come first that are
 deepest, or earliest, for both of their particles. Nothing depends on the order of the particles.
@@ -50,7 +51,7 @@ from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, list_thrown,
+from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, LEFT, list_thrown,
                                            look_at_walls, meet_walls, ORDER, WALL, WHERE)
 from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
                                       look_at, MOVED, NEAR, put, SECOND, SOONEST)
@@ -497,8 +498,8 @@ def _meet_walls_of_active(stage, answers):
 
 
 @inlined
-def _begin(stage, base, bounced, bounces, before, after, kept, answers):
-    """List what collides to begin with."""
+def _begin(stage, answers):
+    """List what collides to begin with, but with colliders only."""
     meetings = stage.meetings
     meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
     for p in range(meetings.size[0]):
@@ -508,7 +509,20 @@ def _begin(stage, base, bounced, bounces, before, after, kept, answers):
             meetings.active[meetings.size[1]] = p
             meetings.size[1] += 1
     _meet_walls_of_active(stage, answers)
-    list_thrown(stage, base, bounced, bounces, before, after, kept, answers)
+
+
+@inlined
+def _run_rounds(stage, dry, wet, base, room, turn, answers):
+    """Let all collide that do, round by round; the number of the next round."""
+    going, slack = True, stage.rules.flight.dt * stage.pair_rules.slow
+    while going:
+        _choose(stage)
+        _count_parts(stage)
+        going = _respond(stage, dry, wet, room, turn)
+        _forget_parts(stage)
+        _look_again(stage, base, slack, turn, answers)
+        turn += 1
+    return turn
 
 
 @entry
@@ -530,24 +544,19 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
     """
     room = make_room()
     answers = keep_answers(stage.rules.present.meshes, stage.table)
-    meetings, going = stage.meetings, True
-    slack = stage.rules.flight.dt * stage.pair_rules.slow
+    meetings, listed, count = stage.meetings, 1, stage.x.shape[1]
+    before, after, kept = np.empty((count, 6)), np.empty((count, 6)), np.empty(count, np.int8)
     begin_moves(stage.cells, stage.moved)
-    count = stage.x.shape[1]
-    _begin(stage, base, bounced, bounces, np.empty((count, 6)), np.empty((count, 6)),
-           np.empty(count, dtype=np.int8), answers)
+    _begin(stage, answers)
+    list_thrown(stage, 0, base, bounced, bounces, before, after, kept, answers)
     turn = 0 * meetings.size[0]
-    while going:
-        _choose(stage)
-        _count_parts(stage)
-        going = _respond(stage, dry, wet, room, turn)
-        _forget_parts(stage)
-        _look_again(stage, base, slack, turn, answers)
-        turn += 1
+    while listed > 0:
+        turn, listed = _run_rounds(stage, dry, wet, base, room, turn, answers), 0
+        if meetings.size[2] > 0:
+            listed = list_thrown(stage, LEFT, base, bounced, bounces, before, after, kept, answers)
     for k in range(meetings.size[2]):
         i = meetings.struck[k]
-        meetings.states[i, MOVED], meetings.states[i, HITS] = NONE, 0
-        meetings.states[i, BLUR] = 0.0
+        meetings.states[i, MOVED], meetings.states[i, BLUR] = NONE, 0.0
 
 
 @kernel
@@ -565,4 +574,4 @@ def part_all(meetings, bounced, bounces):
 def _forget(meetings, i):
     """Forget what has happened to particle i in a step."""
     meetings.states[i, HEAD], meetings.states[i, NEAR] = NONE, 0.0
-    meetings.states[i, DRIFT] = 0.0
+    meetings.states[i, DRIFT], meetings.states[i, HITS] = 0.0, 0.0

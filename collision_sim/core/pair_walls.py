@@ -32,9 +32,9 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse, repulsion
 from collision_sim.core.motion import chord_velocity
 from collision_sim.core.pair_memory import Memory, recall
-from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, HITS,
-                                      Matter, meet, Meetings, MOST_HITS, NEAR, PairRules, put,
-                                      SECOND, sort_by_place, TOUCH)
+from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
+                                      Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
+                                      sort_by_place, TOUCH)
 from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
@@ -161,7 +161,7 @@ def _list_walls(stage, i, answers):
     u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
     first = walls.size[0]
-    if stage.meetings.states[i, HITS] >= MOST_HITS:
+    if is_spent(stage.meetings, i):
         return
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
@@ -277,29 +277,49 @@ def _meets_somebody(stage, i):
 
 
 @kernel
-def _find_at_walls(stage, bounced, bounces):
-    """Find those that may collide with a collider and are not listed; how many are `struck`."""
+def _find_at_walls(stage, mark, bounced, bounces):
+    """Find those with a mark that may collide with a collider; how many are `fresh`."""
     meetings, size = stage.meetings, 0
     for block in range(bounces.shape[0]):
         for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
             i = max(bounced[k], -1 - bounced[k])
-            if meetings.states[i, NEAR] == 0:
+            if meetings.states[i, NEAR] == mark:
                 meetings.states[i, NEAR] = AT_WALL
                 if bounced[k] >= 0:
-                    meetings.struck[size] = i
+                    meetings.fresh[size] = i
                     size += 1
-    if stage.rules.sweep is not None or stage.rules.present.meshes is not None:
+    if stage.rules.sweep is not None:
         for p in range(meetings.size[0]):
             for end in range(2):
                 i = meetings.ends[p, end]
-                if meetings.states[i, NEAR] == 0:
+                if meetings.states[i, NEAR] == mark:
                     meetings.states[i, NEAR] = AWAY
                     if _is_near(stage, i):
                         meetings.states[i, NEAR] = AT_WALL
-                        meetings.struck[size] = i
+                        meetings.fresh[size] = i
                         size += 1
-    sort_by_place(stage.x, stage.v, meetings.struck, size)
+    sort_by_place(stage.x, stage.v, meetings.fresh, size)
     return size
+
+
+@kernel
+def _pushed_by(stage, here, c, gap, n, x0, u):
+    """Place [m] to which collider c pushes a particle that ends in it, by a gap [m] below 0."""
+    i, dt, table = here.particle, stage.rules.flight.dt, stage.table
+    obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
+    lag = dot(n, subtract(obj, u))
+    depth = starts_inside(stage.rules, here, table, stage.poses, stage.motion, c, x0)
+    dv_n, left = max(lag, 0.0), 0.0
+    if depth > 0.0:
+        dv_n = max(lag + repulsion(depth, dt, stage.rules.share, stage.rules.highest), 0.0)
+    else:
+        if (stage.bounces or stage.meetings.states[i, NEAR] == LEFT) and not (
+                is_settled(stage.candidates, i)):
+            dv_n *= 1.0 + table[c, RESTITUTION]
+        left = max(-gap - dt * dv_n, 0.0)
+    if dv_n > 0.0:
+        u, _ = respond(stage.rules, table, c, u, obj, n, -lag, dv_n)
+    return add_scaled(add_scaled(x0, dt, u), left, n)
 
 
 @kernel
@@ -310,38 +330,30 @@ def pushed_place(stage, i, answers):
     As response.py presses it: no farther than to the surface, or to go with the collider; if it
     has started inside, no faster than it is repelled.
     """
-    x0, here, dt = column(stage.x, i), here_of(stage, i, answers), stage.rules.flight.dt
-    u = column(stage.candidates.u, i)
-    x1 = add_scaled(x0, dt, u)
-    deepest, along, way = 0.0, (0.0, 0.0, 0.0), 0.0
+    x0, here, u = column(stage.x, i), here_of(stage, i, answers), column(stage.candidates.u, i)
+    x1 = add_scaled(x0, stage.rules.flight.dt, u)
+    deepest, place = 0.0, x1
     for c in range(stage.table.shape[0]):
         stage.walls.one[0] = c
         gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
                               stage.poses, stage.motion, c, x0, x1)
         if gap < deepest:
-            obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
-            lag, depth = dot(n, subtract(obj, u)), starts_inside(
-                stage.rules, here, stage.table, stage.poses, stage.motion, c, x0)
-            deepest, along, way = gap, n, max(-gap, dt * lag)
-            if stage.bounces and not is_settled(stage.candidates, i):
-                way = max(way, dt * lag * (1.0 + stage.table[c, RESTITUTION]))
-            if depth > 0.0:
-                lag += repulsion(depth, dt, stage.rules.share, stage.rules.highest)
-                way = max(dt * lag, 0.0)
-    return -deepest, add_scaled(x1, way, along)
+            deepest, place = gap, _pushed_by(stage, here, c, gap, n, x0, u)
+    return -deepest, place
 
 
 @kernel
-def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
+def list_thrown(stage, mark, base, bounced, bounces, before, after, kept, answers):
     """
-    List the collisions with colliders of those that these throw back onto somebody.
+    List the collisions with colliders of those that these throw back onto somebody; how many.
 
-    All are led to where they are thrown back to, so that two that are thrown onto each other find
-    each other, then to where the collider pushes them there, and back; those that are in contact
-    with somebody as it is are listed as well.
+    Of those with a mark: 0 to begin with, and LEFT once others have got other paths. All are led
+    to where they are thrown back to, so that two that are thrown onto each other find each other,
+    then to where the collider pushes them there, and back; those that are in contact with somebody
+    as it is are listed as well.
     """
-    struck, size = stage.meetings.struck, 0
-    found = _find_at_walls(stage, bounced, bounces)
+    struck, size, listed = stage.meetings.fresh, 0, 0
+    found = _find_at_walls(stage, mark, bounced, bounces)
     for k in range(found):
         i = struck[k]
         hits, v, u = _throw_back(stage, i, answers)
@@ -372,5 +384,7 @@ def list_thrown(stage, base, bounced, bounces, before, after, kept, answers):
     for k in range(size):
         if kept[k]:
             look_at_walls(stage, struck[k], answers)
+            listed += 1
         else:
             stage.meetings.states[struck[k], NEAR] = LEFT
+    return listed

@@ -264,11 +264,16 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
     least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]
     if meetings.known[p] != NONE:
         least = max(least, slow)
-    if not dot(n, relative) < -least or (
-            max(meetings.states[i, HITS], meetings.states[j, HITS]) >= MOST_HITS):
+    if not dot(n, relative) < -least or is_spent(meetings, i) or is_spent(meetings, j):
         order = inf
     meetings.order[p] = order
     meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2] = n
+
+
+@inlined
+def is_spent(meetings, i):
+    """Whether particle i has collided so often in a step that what is left is inelastic."""
+    return meetings.states[i, HITS] >= MOST_HITS
 
 
 @inlined

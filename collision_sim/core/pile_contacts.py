@@ -22,13 +22,13 @@ velocities are said in piles.py.
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, ENOUGH, FREE, IMPULSE,
                                                INVERSE, KEPT, KEPT_IMPULSE, LAW_ROW, MASS, MEAN,
                                                MEAN_BOUND, NORMAL, PUSH, push, put_at)
-from collision_sim.core.detection import end_distance, starts_inside
+from collision_sim.core.detection import end_gap, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.pair_memory import forget, keep, recall
 from collision_sim.core.pair_walls import ALONG, here_of, ORDER, sort_walls
-from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, SECOND, TOUCH
+from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, is_spent, SECOND, TOUCH
 from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 
@@ -71,21 +71,24 @@ def _add_contact(pile, memory, c, a, b, law, n, mean_bound, end_bound, known, si
 
 
 @inlined
-def _end_bound(part, rests, v_n, gap, mean, fast):
+def _end_bound(part, rests, spent, v_n, gap, mean, fast):
     """
     Bound of the normal velocity at the end [m/s]: as low as lets the pair just touch there.
 
     An approach v_n that no collision has answered is for the next step: where there is a gap, or
     `fast`, where pushes have brought those together that approach faster than gravity makes it.
+    Who is `spent` has had his collisions: the pair comes to touch with one velocity.
     """
-    if rests and not fast:
+    if rests and (spent or not fast):
         return 0.0
+    if spent:
+        return min(mean, 0.0)
     touching = min((mean - (1.0 - part) * v_n) / part, 0.0)
     return min(touching, v_n) if gap > 0.0 or fast else touching
 
 
 @inlined
-def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, n, gap, anew):
+def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, spent, n, gap, anew):
     """Bounds of the normal velocities of a pair with a gap [m] at the end of its candidates."""
     xi, xj = column(x, i), column(x, j)
     depth = size - length(subtract(xi, xj))
@@ -95,7 +98,7 @@ def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, n, 
         mean = dot(n, subtract(column(candidates.u, i), column(candidates.u, j))) - gap / dt
     v_n = dot(n, subtract(column(v, i), column(v, j)))
     fast = anew and v_n < -pair_rules.slow
-    return mean, _end_bound(pair_rules.part, rests, v_n, gap, mean, fast)
+    return mean, _end_bound(pair_rules.part, rests, spent, v_n, gap, mean, fast)
 
 
 @inlined
@@ -127,8 +130,9 @@ def list_pairs(stage, again):
         elif in_contact:
             anew, known = meetings.looked[p] <= MET_ANEW, meetings.known[p]
             meetings.looked[p] = MET if anew else IN_CONTACT
+            spent = is_spent(meetings, i) or is_spent(meetings, j)
             mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
-                                     known != NONE, n, gap, anew)
+                                     known != NONE, spent, n, gap, anew)
             a, size = body_of(pile, size, candidates, matter.inverse, i)
             b, size = body_of(pile, size, candidates, matter.inverse, j)
             _add_contact(pile, stage.memory, c, a, b, law, n, mean, end, known,
@@ -157,8 +161,8 @@ def _find_supports(stage, here, x0):
     walls.size[0] = 0
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
-        gap, n = end_distance(rules.present.meshes, rules, here, stage.table, stage.poses,
-                              stage.motion, c, x0, x1)
+        gap, n = end_gap(rules.present.meshes, rules, here, stage.table, stage.poses,
+                         stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
             walls.ends[k, 1], walls.values[k, ORDER] = c, gap
             put_at(walls.values, k, ALONG, n)
@@ -185,8 +189,8 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     mean = dot(n, subtract(u, obj)) - gap / dt
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
-    v_n = dot(n, subtract(column(stage.v, i), first))
-    end = _end_bound(stage.pair_rules.part, known != NONE, v_n, gap, mean,
+    v_n, spent = dot(n, subtract(column(stage.v, i), first)), is_spent(stage.meetings, i)
+    end = _end_bound(stage.pair_rules.part, known != NONE, spent, v_n, gap, mean,
                      again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
         _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))

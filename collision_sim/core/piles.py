@@ -32,7 +32,8 @@ Groups of up to joint.MOST contacts are solved exactly, whatever their masses; l
 sweeps of contact_solver.py, which start from the impulses of the last step. Colliders take part as
 bodies of infinite mass, so that the floor carries the pile and a wall that moves pushes it, and
 what they do to it is booked and logged here: response.py finds their particles on the surface.
-Whom a push moves onto somebody else, he presses on as well: the stage is run again, from where it
+Whom a push moves onto somebody else, he presses on as well, and so does whom a collider throws or
+pushes onto those that have moved: the stage is run again, from where it
 has led, for the groups of those that are met anew, AGAIN times at most, and no more once the
 pushes grow. In groups of more than MOST_AGAIN particles that waits for the next step.
 
@@ -54,9 +55,10 @@ from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_collisions import follow, LOOSE, part_all
 from collision_sim.core.pair_memory import recall
-from collision_sim.core.pair_walls import AT_WALL, here_of, lead, LISTED, pushed_place
+from collision_sim.core.pair_walls import AWAY, here_of, lead, pushed_place
 from collision_sim.core.pairs import (apart_at_end, can_meet, column, DRIFT, end_normal, FIRST,
-                                      HEAD, NEAR, put, SECOND, sort_by_place)
+                                      HEAD, HITS, is_spent, MOST_HITS, NEAR, put, SECOND,
+                                      sort_by_place)
 from collision_sim.core.pile_contacts import (body_of, CARRIES, HOT, IN_CONTACT, list_pairs,
                                               list_supports, MET_ANEW, remember, SUPPORT_REACH)
 from collision_sim.core.response import record
@@ -201,8 +203,7 @@ def _is_at_wall(stage, i, answers):
 @inlined
 def _is_pushed(stage, i):
     """Whether colliders may push particle i, and nothing else is to be done with them before."""
-    near = stage.meetings.states[i, NEAR]
-    return (near == AT_WALL or near == LISTED) and stage.matter.inverse[i] > 0.0 and (
+    return stage.meetings.states[i, NEAR] > AWAY and stage.matter.inverse[i] > 0.0 and (
         stage.pile.body[i] == NONE and stage.meetings.heat[i] != PUSHED)
 
 
@@ -255,14 +256,14 @@ def _overlaps_somebody(stage, i):
 
 
 @kernel
-def _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers):
+def _pushed_onto(stage, base, bounced, bounces, velocities, answers):
     """
-    List those that colliders push onto somebody; how many bodies then.
+    Find those that colliders push onto somebody, the first in `struck`; how many.
 
     All are led to where they are pushed, so that two that are pushed onto each other find each
     other, and back.
     """
-    meetings, pile, struck = stage.meetings, stage.pile, stage.meetings.struck
+    meetings, struck, onto = stage.meetings, stage.meetings.struck, 0
     size = _find_pushed(stage, bounced, bounces, velocities, answers)
     for k in range(size):
         i = struck[k]
@@ -272,10 +273,13 @@ def _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers):
     for k in range(size):
         i = struck[k]
         lead(stage, i, column(stage.v, i), at(velocities, k, 0), base[i])
-        if meetings.heat[i] and 2 * bodies < pile.bodies.shape[0]:
-            _, bodies = body_of(pile, bodies, stage.candidates, stage.matter.inverse, i)
+        if meetings.heat[i]:
+            struck[onto] = i
+            onto += 1
+            way = length(subtract(at(velocities, k, 3), at(velocities, k, 0)))
+            stage.pile.farthest[0] = max(stage.pile.farthest[0], stage.rules.flight.dt * way)
         meetings.heat[i] = COLD
-    return bodies
+    return onto
 
 
 @kernel
@@ -283,7 +287,11 @@ def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
     """List all contacts, and group them."""
     bodies, pairs = list_pairs(stage, again)
     if not again:
-        bodies = _list_pushed(stage, bodies, base, bounced, bounces, velocities, answers)
+        stage.pile.farthest[0] = 0.0
+    for k in range(_pushed_onto(stage, base, bounced, bounces, velocities, answers)):
+        if 2 * bodies < stage.pile.bodies.shape[0]:
+            _, bodies = body_of(stage.pile, bodies, stage.candidates, stage.matter.inverse,
+                                stage.meetings.struck[k])
     size, contacts = bodies, pairs
     if bodies > 0:
         size, contacts = list_supports(stage, bodies, pairs, again, answers)
@@ -420,55 +428,71 @@ def _count_met_by(stage, i):
     return met
 
 
+@inlined
+def _shift(stage, a):
+    """How far [m] the last run has pushed body a."""
+    return stage.rules.flight.dt * length(subtract(
+        column(stage.candidates.u, stage.pile.particle[a]), at(stage.pile.bodies, a, KEPT)))
+
+
 @kernel
-def _count_met(stage, bodies, base, answers):
-    """Count who is met anew where the pushes have led."""
+def _count_met(stage, bodies, base, again, answers):
+    """
+    Count who is met anew where the pushes have led.
+
+    But not by whom they push farther from run to run, by more than his radius: where there is no
+    place for all, pushes grow, as each leads into others, and the next step goes on.
+    """
     meetings, pile, met = stage.meetings, stage.pile, 0
-    dt, slack = stage.rules.flight.dt, stage.rules.flight.dt * stage.pair_rules.slow
+    slack = stage.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
-        i = pile.particle[a]
+        i, shift = pile.particle[a], _shift(stage, a)
         meetings.heat[i] = COLD
-        meetings.states[i, DRIFT] += dt * length(
-            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
+        meetings.states[i, DRIFT] += shift
+        if not again:
+            pile.farthest[0] = max(pile.farthest[0], shift)
         follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for a in range(bodies):
         _mark_met(stage, pile.particle[a])
     for a in range(bodies):
-        i = pile.particle[a]
-        met += _count_met_by(stage, i)
-        shift = dt * length(subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
-        if shift > SUPPORT_REACH * stage.matter.radius[i] and stage.matter.inverse[i] > 0.0:
-            if _is_at_wall(stage, i, answers):
-                met += _spread(stage, i)
+        i, shift, radius = pile.particle[a], _shift(stage, a), stage.matter.radius
+        if shift - radius[i] <= GROWN * pile.farthest[0]:
+            met += _count_met_by(stage, i)
+            if shift > SUPPORT_REACH * radius[i] and stage.matter.inverse[i] > 0.0:
+                if _is_at_wall(stage, i, answers):
+                    met += _spread(stage, i)
     return met
 
 
 @kernel
-def _has_an_end(stage, bodies, again):
-    """
-    Whether the pushes do not grow from run to run, by more than the radius of who is pushed.
-
-    Where there is no place for all they would, as each leads into others: the next step goes on.
-    """
-    pile, farthest, beyond = stage.pile, 0.0, 0.0
+def _share_rattles(stage, bodies, pairs):
+    """Let those that press on who is spent be spent as well: what he hands on is inelastic."""
+    pile, states = stage.pile, stage.meetings.states
     for a in range(bodies):
-        i = pile.particle[a]
-        shift = stage.rules.flight.dt * length(
-            subtract(column(stage.candidates.u, i), at(pile.bodies, a, KEPT)))
-        farthest = max(farthest, shift)
-        beyond = max(beyond, shift - stage.matter.radius[i])
-    if not again:
-        pile.farthest[0] = farthest
-    return beyond <= GROWN * pile.farthest[0]
+        pile.used[a] = is_spent(stage.meetings, pile.particle[a])
+    for c in range(pairs):
+        if _presses(pile, c):
+            for end in range(2):
+                a, b = pile.ends[c, end], pile.ends[c, 1 - end]
+                if pile.used[a] and pile.bodies[a, INVERSE] > 0.0:
+                    states[pile.particle[b], HITS] = MOST_HITS
+
+
+@inlined
+def _mark_bodies(stage, bodies, mark):
+    """Mark all particles that are bodies."""
+    for a in range(bodies):
+        stage.meetings.heat[stage.pile.particle[a]] = mark
 
 
 @kernel
-def _end(stage, dry, base, again, numbers, answers):
+def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
     stage.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
     for c in range(pairs):
         stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
+    _share_rattles(stage, bodies, pairs)
     remember(stage, contacts, bodies, again)
     for a in range(bodies):
         put_at(pile.bodies, a, KEPT, column(stage.candidates.u, pile.particle[a]))
@@ -478,8 +502,12 @@ def _end(stage, dry, base, again, numbers, answers):
             _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
     _book(stage, stage.ledger, bodies, pairs, contacts)
     numbers[MET] = 0
-    if _has_an_end(stage, bodies, again):
-        numbers[MET] = _count_met(stage, bodies, base, answers)
+    if bodies > 0:
+        numbers[MET] = _count_met(stage, bodies, base, again, answers)
+        if numbers[MET] == 0:
+            _mark_bodies(stage, bodies, PUSHED)
+            numbers[MET] = _pushed_onto(stage, base, bounced, bounces, velocities, answers)
+            _mark_bodies(stage, bodies, COLD)
     if numbers[MET] > 0:
         for p in range(stage.meetings.size[0]):
             i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
@@ -525,7 +553,7 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
     if numbers[COLOURED] > 0:
         phase = _settle_large(work, phase, dry, wet, laws, part, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:
-        _end(stage, dry, base, again, numbers, answers)
+        _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers)
     fetch_add(counters, LEFT, 1)
 
 

@@ -19,7 +19,7 @@ All look at the run itself. Energies are compared with the largest energy that t
 step, momenta with the largest momentum.
 """
 
-from bounds import is_excused
+from bounds import cluster, is_excused
 from cases import each, method, stepping
 import numpy as np
 
@@ -181,7 +181,8 @@ def energy_has_a_source(case, run, random):
     velocity, and repulsion gives none. With gravity kinetic and potential energy together, on
     planes, where the methods with a collision stage are exact; on curved surfaces they have the
     error of their order, and so between two planes, where it comes and goes: m (g dt)^2. A plane
-    is answered from the height of a fall g dt^2 over it, where particles come to rest.
+    is answered from the height of a fall g dt^2 over it, where particles come to rest. Balls that
+    slide round each other have it as well: `_lift_of_slides`.
     """
     if 'springs' in case['scene']:
         return None
@@ -203,9 +204,30 @@ def energy_has_a_source(case, run, random):
             if step.counters['collisions'] or step.counters['pair_collisions']:
                 continue
             between, gain = True, _work_of_contacts(step, mass)
-        order = float(mass @ (between * fall * np.ones_like(mass)))
+        order = float(mass @ (between * fall * np.ones_like(mass))) + _lift_of_slides(case, step)
         if not gain <= ROUNDING * size + order:
             return f'step {k}: energy grows by {gain:.3g} J, of {size:.3g} J that take part'
+
+
+def _lift_of_slides(case, step):
+    """
+    Energy that balls that slide round each other may gain in a step [J]: M g s^2 / 2 D.
+
+    Who slides by s round a ball, at a distance D of the centres, is put on it and is s^2 / 2 D
+    above the chord; what gravity then does is told apart from what holds him to first order (in
+    README). M is the mass of all that hang together with the two: others may lie on them.
+    """
+    radius, g = each(case, 'radius', 0.0), np.linalg.norm(step.scene.gravity)
+    near, lift = 1e-6 + g * step.scene.stepping.dt ** 2, 0.0
+    for i in range(len(radius) if step.counters['pair_contacts'] else 0):
+        for j in range(i):
+            before, after = step.x0[i] - step.x0[j], step.x[i] - step.x[j]
+            apart = np.linalg.norm(after)
+            if apart - radius[i] - radius[j] < near and apart > 0.0:
+                slide = np.cross(after - before, after / apart)
+                lift += weights(case)[cluster(case, step, (i, j))].sum() * g * (
+                    slide @ slide) / (2.0 * apart)
+    return float(lift)
 
 
 def _work_of_contacts(step, mass):

@@ -19,6 +19,8 @@ All look at the run itself; distances come from distances.py. A check gives None
 else what is wrong.
 """
 
+from itertools import combinations
+
 from cases import each, method, stepping
 from distances import crossings, distance
 import numpy as np
@@ -28,6 +30,7 @@ EPSILON = 2.0 ** -52
 SLACK = 256 * EPSILON
 # Rounding of a place that the event-driven method finds: its roots are found to 1e-12 of a length.
 EVENT_SLACK = 1e-9
+OPPOSITE = 0.1      # -cos of the angle of normals from which surfaces press from two sides
 OVERLAP = 0.01      # of the smaller radius, that balls may overlap by
 ASIDE = 1e-8 * np.array([(0, 0, 0), (1, 2, -1), (-1, -2, 1), (2, -1, 1), (-2, 1, -1)])     # m
 ASKED = 2.0 ** -20  # m, how far around a point is looked whether it is free on any side
@@ -223,8 +226,8 @@ def balls_keep_apart(case, run, random):
     Balls that do not overlap do not come to overlap by more than 1 % of the smaller radius.
 
     And none goes through another one: with `trajectory` their centres pass each other at no less
-    than nine tenths of the sum of the radii, on the relative chord of a step. A ball that is held
-    between colliders, or that colliders press on from two sides, has no other place. Nothing that
+    than nine tenths of the sum of the radii, on the relative chord of a step. Balls that hang
+    together and that colliders press on from two sides have no other place. Nothing that
     a ball does moves one of infinite mass: two of these do not collide, and a collider that pushes
     one pushes it through others.
     """
@@ -242,38 +245,42 @@ def balls_keep_apart(case, run, random):
                 before, after = step.x0[i] - step.x0[j], step.x[i] - step.x[j]
                 if np.linalg.norm(before) < together - OVERLAP * least:
                     continue
-                if not _has_room(case, step, (i, j)) or _is_forced(case, step, (i, j)):
-                    continue
-                overlap = together - np.linalg.norm(after)
+                overlap, problem = together - np.linalg.norm(after), None
                 if overlap > 1.5 * OVERLAP * least:
-                    return (f'step {k}: balls {j} and {i} come to overlap by '
-                            f'{overlap / least:.3g} of the radius')
-                if stepping(case, 'detection', '') == 'trajectory':
+                    problem = f'come to overlap by {overlap / least:.3g} of the radius'
+                elif stepping(case, 'detection', '') == 'trajectory':
                     way = after - before
                     tau = np.clip(-(before @ way) / max(way @ way, 1e-300), 0.0, 1.0)
                     if np.linalg.norm(before + tau * way) < 0.9 * together:
-                        return f'step {k}: balls {j} and {i} pass through each other'
+                        problem = 'pass through each other'
+                if problem and _have_room(case, step, i, j):
+                    return f'step {k}: balls {j} and {i} {problem}'
 
 
-def _has_room(case, step, balls):
-    """Whether at most one surface is near any of some balls."""
-    near = 0
-    for c in range(len(step.scene.colliders)):
-        _, after = step.gaps[c]
-        size = each(case, 'radius', 0.0)
-        tight = inner_room(step.scene.colliders[c]) < 3.0 * max(size[i] for i in balls)
-        near += (2 if tight else 1) * any(after[i] < 0.5 * size[i] for i in balls)
-    return near < 2 and len(step.x) < 4
+def _have_room(case, step, i, j):
+    """
+    Whether two balls can keep apart: not both of infinite mass, and not held from two sides.
+
+    They are where two surfaces near those that hang together with them press on these from two
+    sides, or one and a ball of infinite mass, or where one of these starts buried in a collider.
+    """
+    mass, size, balls = each(case, 'mass', 1.0), each(case, 'radius', 0.0), cluster(
+        case, step, (i, j))
+    if np.isinf(mass[[i, j]]).all() or _is_press(case, step, balls):
+        return False
+    normals = []
+    for c, collider in enumerate(step.scene.colliders):
+        before, after = step.gaps[c]
+        near = [ball for ball in balls if after[ball] < 0.5 * size[ball]]
+        if near and inner_room(collider) < 3.0 * max(size[ball] for ball in balls) or any(
+                before[ball] < -size[ball] for ball in balls):
+            return False
+        place, turn = step.poses[c]
+        normals += [_normal(collider, turn, step.x[ball] - place) for ball in near]
+    return all(one @ other > -OPPOSITE for one, other in combinations(normals, 2))
 
 
-def _is_forced(case, step, balls):
-    """Whether two balls are of infinite mass, or hang together with others in a press."""
-    mass = each(case, 'mass', 1.0)
-    return bool(np.isinf(mass[list(balls)]).all()) or _is_press(case, step, _cluster(
-        case, step, balls))
-
-
-def _cluster(case, step, balls):
+def cluster(case, step, balls):
     """Balls that hang together with some, by gaps below half of a radius."""
     radius = each(case, 'radius', 0.0)
     found, queue = set(balls), list(balls)

@@ -282,7 +282,7 @@ def groove(dice, case):
 def column(dice, case):
     """Give balls on top of each other, or in a row, of very different masses, and a floor."""
     radius = dice.pick(0.1, 0.25)
-    count = dice.whole(2, 4)
+    count = dice.whole(2, 6)
     axis = np.array(dice.pick((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), dice.direction()))
     gap = dice.pick(0.0, 0.0, 0.01, -0.02)
     places = [((2 * k + 1) * radius + (k + 1) * gap) * axis for k in range(count)]
@@ -298,7 +298,7 @@ def column(dice, case):
             (dice.pick(-1.0, 0.0, 0.0) * axis).tolist() for _ in places]
     floor = {'shape': 'plane', 'normal': axis.tolist()}
     if dice.chance(0.3):
-        floor['motion'] = {'linear_velocity': (dice.pick(0.5, 1.0) * axis).tolist()}
+        floor['motion'] = {'linear_velocity': (dice.pick(0.5, 1.0, 5.0) * axis).tolist()}
     colliders = [floor] if dice.chance(0.8) else []
     if dice.chance(0.3):
         colliders.append(_body(dice))
