@@ -158,7 +158,8 @@ def meet_on_way(dt, size, x, v, candidates, i, j):
     """
     Share of the step after which two particles meet, inf if they do not, and the normal there.
 
-    Who overlaps at the start meets there. Else, with the place m on the relative path d that is
+    Who overlaps at the start meets there, and who touches to rounding and comes nearer: where the
+    way only grazes, a square root would make much of rounding. Else, with the place m on the relative path d that is
     closest to touching centres, the path is inside for sqrt(size^2 - m^2) before it.
     """
     r = subtract(column(x, i), column(x, j))
@@ -169,6 +170,8 @@ def meet_on_way(dt, size, x, v, candidates, i, j):
     way, along = length(d), dot(r, d)
     if not along < 0.0:
         return inf, n
+    if distance - size <= ROUNDING * (largest(column(x, i)) + largest(column(x, j)) + size):
+        return 0.0, n
     e = (d[0] / way, d[1] / way, d[2] / way)
     before = dot(r, e)
     m = add_scaled(r, -before, e)
