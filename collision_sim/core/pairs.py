@@ -29,7 +29,7 @@ from typing import NamedTuple, Optional
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.lines import in_lines
 from collision_sim.core.neighbours import LOW_BITS
-from collision_sim.core.pair_memory import recall
+from collision_sim.core.pair_memory import recall, resting_speed
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled, subtract)
@@ -159,8 +159,9 @@ def meet_on_way(dt, size, x, v, candidates, i, j):
     Share of the step after which two particles meet, inf if they do not, and the normal there.
 
     Who overlaps at the start meets there, and who touches to rounding and comes nearer: where the
-    way only grazes, a square root would make much of rounding. Else, with the place m on the relative path d that is
-    closest to touching centres, the path is inside for sqrt(size^2 - m^2) before it.
+    way only grazes, a square root would make much of rounding. Else, with the place m on the
+    relative path d that is closest to touching centres, the path is inside for
+    sqrt(size^2 - m^2) before it.
     """
     r = subtract(column(x, i), column(x, j))
     d = scaled(dt, subtract(column(candidates.u, i), column(candidates.u, j)))
@@ -256,7 +257,7 @@ def meet(sweep, dt, size, x, v, candidates, i, j):
 
 
 @inlined
-def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
+def look_at(sweep, slow, dt, matter, memory, x, v, candidates, meetings, p):
     """Write when or how deep pair p collides, and its normal."""
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     vi, vj = column(v, i), column(v, j)
@@ -266,7 +267,8 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
         column(candidates.u, j))
     least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]
     if meetings.known[p] != NONE:
-        least = max(least, slow)
+        least = max(least, resting_speed(memory, meetings.known[p], slow,
+                                         matter.inverse[i] + matter.inverse[j]))
     if not dot(n, relative) < -least or (
             max(meetings.states[i, HITS], meetings.states[j, HITS]) >= MOST_HITS):
         order = inf
@@ -292,7 +294,7 @@ def _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first, x, v
         meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
         meetings.order[p], meetings.known[p] = inf, recall(memory, i, j)
         if can_meet(matter, i, j):
-            look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p)
+            look_at(sweep, slow, dt, matter, memory, x, v, candidates, meetings, p)
 
 
 @entry
