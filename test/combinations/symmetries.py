@@ -240,15 +240,16 @@ def own_mirror_image(case, run, random):
             continue
         for k, step in enumerate(run):
             length, speed = lengths(step)
-            if not (np.abs(step.x[partner] * flip - step.x).max() <= TOLERANCE * length
-                    and np.abs(step.v[partner] * flip - step.v).max() <= TOLERANCE * speed):
+            if not all(any(np.abs(step.x[j] * flip - step.x[i]).max() <= TOLERANCE * length
+                           and np.abs(step.v[j] * flip - step.v[i]).max() <= TOLERANCE * speed
+                           for j in partner[i]) for i in range(len(partner))):
                 return (f'step {k}: {step.x.tolist()}, {step.v.tolist()} is no mirror image of '
                         f'itself across axis {axis}')
     return None
 
 
 def _mirrored_particles(case, flip):
-    """Give the mirror image of each particle; None where one has none."""
+    """Give for each particle those that start as its mirror image; None where one has none."""
     position = np.array(case['scene']['particles']['position'], dtype=float).reshape(-1, 3)
     velocity = np.broadcast_to(case['scene']['particles'].get('velocity', 0.0), position.shape)
     mass, radius, partner = each(case, 'mass', 1.0), each(case, 'radius', 0.0), []
@@ -258,7 +259,7 @@ def _mirrored_particles(case, flip):
                 and mass[i] == mass[j] and radius[i] == radius[j]]
         if not same:
             return None
-        partner.append(same[0])
+        partner.append(same)
     return partner
 
 
