@@ -59,7 +59,8 @@ class PairRules(NamedTuple):
     laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: 1 if pairs
     have such friction; slow [m/s]: what gravity does in a step, up to which who pressed on
     each other does not collide; part [-]: what the mean velocity gets of what a constant force
-    gives to the end velocity.
+    gives to the end velocity; pull (3,) [m/s]: what gravity adds to that. Wind is left out: it
+    is another one in another frame.
     """
 
     laws: np.ndarray
@@ -67,6 +68,7 @@ class PairRules(NamedTuple):
     wet: Optional[int]
     slow: float
     part: float
+    pull: tuple
 
 
 class Meetings(NamedTuple):
