@@ -590,7 +590,8 @@ def _bounce(laws, pile, first, count, room):
         for m in range(count):
             lost += room.matrix[k, m] * room.vectors[FORCE, k] * room.vectors[FORCE, m]
             back += room.matrix[k, m] * room.vectors[LATEST, k] * room.vectors[LATEST, m]
-    share = sqrt(max(lost, 0.0) / back) if back > lost else 1.0
+    lost = max(lost, 0.0)       # below 0 by rounding, where impulses are opposite
+    share = sqrt(lost / back) if back > lost else 1.0
     for k in range(count):
         room.vectors[FORCE, k] += share * room.vectors[LATEST, k]
 
