@@ -413,7 +413,7 @@ def _turn(dry, wet, laws, pile, first, count, room, mode):
         if leapt and not change <= NEARER * before:
             take_back(pile, first, count, room)
             wait, rest, leapt, done = rest, 2 * rest, False, False
-        elif mode == JOINTLY and not change <= wildest:
+        elif mode != ALONE and not change <= wildest:
             return WITHOUT_END
         else:
             done = _is_done(dry, wet, change, before, speed)
@@ -460,7 +460,8 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     Find the impulses of a group that leave its end velocities within their bounds.
 
     Friction that wedges a group up makes impulses that grow from turn to turn, or has several
-    answers: then its bounds are those of what presses without it, which has one answer always.
+    answers: then its bounds are those of what presses without it, which has one answer, but for
+    linear wet friction that overshoots: there is none then.
     Returns FOUND, or OPEN where that was so.
     """
     _begin(pile, first, count, room)
@@ -471,7 +472,10 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
         if friction != FOUND:
             _begin(pile, first, count, room)
             _press_normally(pile, first, count, room, ENDING, END_BOUND)
-            _find_friction(dry, wet, laws, pile, first, count, room, BOUNDED)
+            bounded = _find_friction(dry, wet, laws, pile, first, count, room, BOUNDED)
+            if bounded == WITHOUT_END:
+                _begin(pile, first, count, room)
+                _press_normally(pile, first, count, room, ENDING, END_BOUND)
             friction = OPEN
     _take_over_normal_impulses(pile, first, count, room)
     if rubs:
