@@ -15,10 +15,13 @@
 
 """Pairs of a simulation: the scratch of their kernels, and the order in which these are called."""
 
+from dataclasses import replace
+
 from collision_sim.core.around import make_moved
 from collision_sim.core.bounces import find_bounces
 from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
+from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.jit import bound
 from collision_sim.core.motion import MOTION
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
@@ -73,13 +76,16 @@ class PairSolver:
     def adopt(self, scene, rules):
         """Take the values of a scene, and the rules of its steps."""
         radius, flight, self._compiled = self._matter.radius, rules.flight, set()
-        mean, end = np.linalg.norm(flight.mean_shift), np.linalg.norm(flight.end_shift)
-        slow = 2.0 * float(mean)
+        calm = replace(scene.drag, wind=(0.0, 0.0, 0.0)) if scene.drag else None
+        pull, unit = (flight_coefficients(g, calm, flight.dt, scene.stepping.flight)
+                      for g in (scene.gravity, (1.0, 0.0, 0.0)))
+        slow = 2.0 * float(np.linalg.norm(pull.mean_shift))
         friction = scene.pairs.friction_in(scene)
         self._rules = PairRules(np.vstack([collider_table(scene), pair_row(scene)]),
                                 None if friction.static is None else 1,
                                 None if friction.wet is None else 1, slow,
-                                float(mean / end) if slow > 0.0 else 0.5)
+                                unit.mean_shift[0] / unit.end_shift[0] if flight.dt > 0.0 else 0.5,
+                                pull.end_shift)
         self._dry = 1 if rules.dry or self._rules.dry else None
         self._wet = 1 if rules.wet or self._rules.wet else None
         self._sweeps = SWEEPS * scene.stepping.iterations

@@ -17,7 +17,7 @@
 from collision_sim.core.contact_solver import (END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
                                                make_pile, MASS, MEAN, MEAN_BOUND, NORMAL)
 from collision_sim.core.groups import group_contacts
-from collision_sim.core.joint import collide_group, make_room, settle_group
+from collision_sim.core.joint import collide_group, FOUND, make_room, settle_group
 from collision_sim.core.shapes import COLUMNS, RESTITUTION, STATIC
 import numpy as np
 import pytest
@@ -114,3 +114,51 @@ def test_collisions_give_back_what_restitution_allows(seed, ratio, restitution):
         ends.append(energy(pile, ENDING))
     assert before - ends[1] == pytest.approx((1.0 - restitution ** 2) * (before - ends[0]),
                                              rel=1e-6, abs=1e-9 * before)
+
+
+def between_closing_bodies(speed):
+    """Give two balls of mass 1 between two bodies of infinite mass, of which one comes."""
+    pile = make_pile(4, 3, np.full(1, -1, dtype=np.int32))
+    pile.bodies[:] = 0.0
+    pile.bodies[1:3, INVERSE] = 1.0
+    pile.bodies[:, FREE + 2] = pile.bodies[:, ENDING + 2] = -speed * np.array([0, 0.25, 0.75, 1])
+    for c in range(3):
+        pile.ends[c] = c, c + 1, 0
+        pile.contacts[c, NORMAL:NORMAL + 3] = 0.0, 0.0, -1.0
+        pile.contacts[c, MASS] = 1.0 / pile.bodies[c:c + 2, INVERSE].sum()
+        pile.contacts[c, END_BOUND], pile.member[c] = 0.0, c
+    return pile
+
+
+def test_impulses_are_finite_where_rounding_takes_energy_below_nothing():
+    """Opposite impulses without restitution leave no energy but rounding, of either sign."""
+    for speed in np.random.default_rng(5).uniform(0.1, 3.0, 50):
+        pile = between_closing_bodies(speed)
+        with np.errstate(all='raise'):
+            collide_group(None, None, laws(0.0, 0.0), pile, 0, 3, make_room())
+        assert np.isfinite(pile.contacts[:3, IMPULSE:IMPULSE + 3]).all()
+        assert np.abs(pile.bodies[:, ENDING:ENDING + 3]).max() <= 1.01 * speed
+
+
+def test_friction_of_a_light_ball_between_heavy_ones_is_found():
+    """A column of masses 1000 : 1 : 1000 on a floor, each of which slides another way."""
+    pile = make_pile(4, 3, np.full(3, -1, dtype=np.int32))
+    pile.bodies[:] = 0.0
+    pile.bodies[:3, INVERSE] = 1e-3, 1.0, 1e-3
+    pile.bodies[:3, FREE:FREE + 3] = [(3.0, 0.0, -1.0), (0.0, 2.0, -1.0), (1.0, 1.0, -1.0)]
+    pile.bodies[:3, MEAN:MEAN + 3] = pile.bodies[:3, FREE:FREE + 3]
+    for c, (a, b) in enumerate(((2, 1), (1, 0), (0, 3))):
+        pile.ends[c] = a, b, 0
+        pile.contacts[c, NORMAL:NORMAL + 3] = 0.0, 0.0, 1.0
+        pile.contacts[c, MASS] = 1.0 / (pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE])
+        pile.contacts[c, END_BOUND] = pile.contacts[c, MEAN_BOUND] = 0.0
+    pile.member[:3] = 0, 1, 2
+    friction = settle_group(1, None, laws(0.3), 0.5, (0.0, 0.0, 0.0), pile, 0, 3, make_room())
+    assert friction == FOUND
+    for c, (a, b) in enumerate(((2, 1), (1, 0), (0, 3))):
+        slip = pile.bodies[a, ENDING:ENDING + 2] - pile.bodies[b, ENDING:ENDING + 2]
+        along = pile.contacts[c, IMPULSE:IMPULSE + 2]
+        bound = 0.3 * pile.contacts[c, IMPULSE + 2]
+        assert np.linalg.norm(along) <= bound * (1.0 + 1e-9)
+        if np.linalg.norm(slip) > 1e-9:         # who slides has all of it, against the slip
+            assert abs(along @ slip + bound * np.linalg.norm(slip)) < 1e-6 * bound

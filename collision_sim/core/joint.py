@@ -29,11 +29,9 @@ where the way out of a squeeze is SQUEEZED times as fast as what closes, between
 that are all but opposite to each other. A light ball between a wall and a heavy one that gives way
 is shot out as fast as it has to be: by the root of the ratio of their masses at most.
 
-Friction acts along the surface of each contact, with a bound by its normal impulse. Contacts that
-stay within it stick: one linear system for all of them; a sweep there and back over all contacts
-then finds who slides. That and the normal impulses are solved anew until nothing changes. What
-comes out is tested: impulses that would bring energy, in the frames of those that touch, are made
-smaller.
+Friction, of sliding.py, and the normal impulses are solved anew in turns until nothing changes.
+What comes out is tested: impulses that would bring energy, in the frames of those that touch, are
+made smaller.
 """
 
 from math import inf, sqrt
@@ -41,17 +39,19 @@ from typing import NamedTuple
 
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
                                                KEPT, LAW_ROW, MASS, MEAN, MEAN_BOUND, NORMAL,
-                                               PUSH, push, put_at, slide)
+                                               PUSH, push, put_at)
 from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
-from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import RESTITUTION, STATIC, WET
-from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
+from collision_sim.core.sliding import (ALONE, BOUNDED, BY_LAW, FORCE, JOINTLY, MARK, mark_sliding,
+                                        MAY_STICK, PRESSING, rub_all, shared_mass, slide_at_once,
+                                        take_back)
+from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 import numpy as np
 
 MOST = 64               # contacts that are solved for at once
 SHIFT = 1e-11           # on a diagonal of ones
-HELD = 1e-8             # the same of those that stick, which are redundant more often
 SOFT = 1e-2             # the same where no impulses are enough
 PASSES = 4              # of the proximal point
 MISSING = 1e-6          # share of what is wanted that shows that
@@ -59,14 +59,15 @@ WILD = 1e3              # times the speeds: friction that changes more has no en
 SQUEEZED = 30.0         # times the approaches: a faster way out of a squeeze is none
 PATIENCE = 3            # exchanges of many contacts that may bring nothing
 TURNS = 80              # of normal impulses and friction
-EAGER, HASTY = 8, 24    # turns up to which those that stick are held, and that go all the way
+EAGER = 8               # turns up to which those that stick are held; then Newton's method helps
+NEARER = 0.5            # most that a leap of friction may leave of what a turn changes
 NEARLY = 1e-9           # such a share that does not fall any more is rounding
 SETTLED = 1e-13         # change in a turn as a share of the largest speed: nothing changes
 WITHOUT_END, OPEN, FOUND = 0, 1, 2  # what becomes of the search for friction
 BLUR = 2.0 ** -49       # of a sum of products, relative to the sum of their sizes
-# Rows of the vectors: what the impulses have to bring, impulses, those of the last pass, and how
-# many contacts that are pushed there are before each.
-WANTED, FORCE, LATEST, VECTORS = 0, 1, 2, 3
+# Rows of the vectors, beside FORCE and PRESSING of sliding.py: what the impulses have to bring,
+# and those of the last pass.
+WANTED, LATEST, VECTORS = 0, 2, 4
 
 
 class Room(NamedTuple):
@@ -76,10 +77,11 @@ class Room(NamedTuple):
     matrix (MOST, MOST): what a unit impulse of each brings to the normal velocity of each, both
     scaled by the square roots of the effective masses; factor (MOST, MOST): Cholesky factor of the
     rows `pushed`; vectors (VECTORS, MOST); pushed (MOST,) int64: contacts with an impulse, in
-    order; state (2, MOST) int64: whether a contact has one, now and in the factor. along
-    (2 MOST, 3), holding (2 MOST, 2 MOST), slips (2 MOST,): of those that stick, two directions
-    along the surface of each, the factor of their matrix, and what ends their slips. shift (1,):
-    on the diagonal now.
+    order; state (3, MOST) int64: whether a contact has one, now and in the factor, and whether it
+    sticks or slides. along (2 MOST, 3), holding (2 MOST, 2 MOST), slips (2 MOST,): of those that
+    stick, two directions along the surface of each, the factor of their matrix, and what ends
+    their slips. shift (2,): on the diagonal now, and when the impulses were found. table (3 MOST,
+    3 MOST + 1), kept (MOST, 3) [N s]: of sliding.py, equations, and friction before these.
     """
 
     matrix: np.ndarray
@@ -91,19 +93,8 @@ class Room(NamedTuple):
     holding: np.ndarray
     slips: np.ndarray
     shift: np.ndarray
-
-
-@inlined
-def _shared(pile, c, d):
-    """Find what an impulse of contact d brings to the relative velocity at contact c [1/kg]."""
-    bodies, ends = pile.bodies, pile.ends
-    a, b, shared = ends[c, FIRST], ends[c, SECOND], 0.0
-    for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
-        if ends[d, end] == a:
-            shared += sign * bodies[a, INVERSE]
-        if ends[d, end] == b:
-            shared -= sign * bodies[b, INVERSE]
-    return shared
+    table: np.ndarray
+    kept: np.ndarray
 
 
 @kernel
@@ -115,7 +106,7 @@ def _lay_out(pile, first, count, room):
         n = at(contacts, c, NORMAL)
         for m in range(k):
             d = pile.member[first + m]
-            shared, entry = _shared(pile, c, d), 0.0
+            shared, entry = shared_mass(pile, c, d), 0.0
             if shared != 0.0:
                 entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
                     n, at(contacts, d, NORMAL))
@@ -129,9 +120,9 @@ def _lay_out(pile, first, count, room):
 def make_room():
     """Allocate the scratch of a thread."""
     return Room(np.empty((MOST, MOST)), np.empty((MOST, MOST)), np.empty((VECTORS, MOST)),
-                np.empty(MOST, dtype=np.int64), np.empty((2, MOST), dtype=np.int64),
+                np.empty(MOST, dtype=np.int64), np.empty((3, MOST), dtype=np.int64),
                 np.empty((2 * MOST, 3)), np.empty((2 * MOST, 2 * MOST)), np.empty(2 * MOST),
-                np.full(1, SHIFT))
+                np.full(2, SHIFT), np.empty((3 * MOST, 3 * MOST + 1)), np.empty((MOST, 3)))
 
 
 @kernel
@@ -260,7 +251,7 @@ def _shift(room, count, shift):
 @kernel
 def _repeat(room, count):
     """Find the impulses from those of the last pass; the largest change of them."""
-    vectors, change = room.vectors, 0.0
+    vectors, change, room.shift[1] = room.vectors, 0.0, room.shift[0]
     _choose(room, count)
     for k in range(count):
         vectors[FORCE, k] = max(vectors[FORCE, k], 0.0)
@@ -343,22 +334,6 @@ def _add_normally(pile, first, k, room, which, factor):
              scaled(force, at(pile.contacts, c, NORMAL)))
 
 
-@inlined
-def _rub(dry, wet, laws, pile, c, pressing, part):
-    """Give contact c the friction of a normal impulse [N s], or part of the way to it."""
-    contacts, n, mass = pile.contacts, at(pile.contacts, c, NORMAL), pile.contacts[c, MASS]
-    impulse = at(contacts, c, IMPULSE)
-    along = add_scaled(impulse, -dot(impulse, n), n)
-    after = (0.0, 0.0, 0.0)
-    if pressing > 0.0:
-        after = slide(dry, wet, laws, pile.ends[c, LAW_ROW], approach_of(pile, c, ENDING), n, mass,
-                      along, pressing)
-    change = scaled(part, subtract(after, along))
-    push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, change)
-    put_at(contacts, c, IMPULSE, add_scaled(add_scaled(along, 1.0, change), pressing, n))
-    return length(change) / mass
-
-
 @kernel
 def _take_over_normal_impulses(pile, first, count, room):
     """Write the normal impulses there are now, beside the friction so far."""
@@ -367,91 +342,6 @@ def _take_over_normal_impulses(pile, first, count, room):
         n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
         pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
         put_at(pile.contacts, c, IMPULSE, add_scaled(impulse, pressing - dot(impulse, n), n))
-
-
-@kernel
-def _rub_all(dry, wet, laws, pile, first, count, room, turn_now):
-    """
-    Give all contacts their friction, there and back; the largest change of velocity [m/s].
-
-    What does not end soon goes round in circles: then half of the way at a time leads there.
-    """
-    fastest, part = 0.0, 1.0 if turn_now < HASTY else 0.5
-    if count > 1 and turn_now < EAGER:
-        _take_over_normal_impulses(pile, first, count, room)
-        _hold(dry, laws, pile, first, count, room)
-    for turn in range(2 if count > 1 else 1):
-        for m in range(count):
-            k = m if turn == 0 else count - 1 - m
-            c = pile.member[first + k]
-            pressing = sqrt(pile.contacts[c, MASS]) * room.vectors[FORCE, k]
-            fastest = max(fastest, _rub(dry, wet, laws, pile, c, pressing, part))
-    return fastest
-
-
-@inlined
-def _across(n):
-    """Find two unit vectors along the surface with the normal n."""
-    x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
-    axis = (1.0, 0.0, 0.0) if x <= y and x <= z else (
-        (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
-    one = cross(n, axis)
-    one = scaled(1.0 / length(one), one)
-    return one, cross(n, one)
-
-
-@kernel
-def _list_holding(dry, laws, pile, first, count, room):
-    """List the directions of those that stick; how many contacts there are of them."""
-    size = 0
-    if dry is not None:
-        for k in range(count):
-            c = pile.member[first + k]
-            n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
-            bound = laws[pile.ends[c, LAW_ROW], STATIC] * sqrt(pile.contacts[c, MASS]) * (
-                room.vectors[FORCE, k])
-            if length(add_scaled(impulse, -dot(impulse, n), n)) < bound * (1.0 - ROUNDING):
-                one, other = _across(n)
-                put_at(room.along, 2 * size, 0, one)
-                put_at(room.along, 2 * size + 1, 0, other)
-                room.pushed[size] = c
-                size += 1
-    return size
-
-
-@kernel
-def _hold(dry, laws, pile, first, count, room):
-    """End the slip of all those at once that stick."""
-    size, factor, slips, along = _list_holding(dry, laws, pile, first, count, room), (
-        room.holding), room.slips, room.along
-    contacts, pushed = pile.contacts, room.pushed
-    for a in range(2 * size):
-        c = pushed[a // 2]
-        for b in range(a + 1):
-            d = pushed[b // 2]
-            entry = 1.0 + HELD if a == b else 0.0
-            if c != d:
-                shared = _shared(pile, c, d)
-                if shared != 0.0:
-                    entry = shared * sqrt(contacts[c, MASS] * contacts[d, MASS]) * dot(
-                        at(along, a, 0), at(along, b, 0))
-            for k in range(b):
-                entry -= factor[a, k] * factor[b, k]
-            factor[a, b] = sqrt(max(entry, 0.5 * HELD)) if a == b else entry / factor[b, b]
-        value = -sqrt(contacts[c, MASS]) * dot(approach_of(pile, c, ENDING), at(along, a, 0))
-        for b in range(a):
-            value -= factor[a, b] * slips[b]
-        slips[a] = value / factor[a, a]
-    for a in range(2 * size - 1, -1, -1):
-        value = slips[a]
-        for b in range(a + 1, 2 * size):
-            value -= factor[b, a] * slips[b]
-        slips[a] = value / factor[a, a]
-    for a in range(2 * size):
-        c = pushed[a // 2]
-        impulse = scaled(sqrt(contacts[c, MASS]) * slips[a], at(along, a, 0))
-        push(pile.bodies, pile.ends[c, FIRST], pile.ends[c, SECOND], ENDING, impulse)
-        put_at(contacts, c, IMPULSE, add_scaled(at(contacts, c, IMPULSE), 1.0, impulse))
 
 
 @kernel
@@ -532,18 +422,50 @@ def _rubs(dry, wet, laws, pile, first, count):
 
 
 @kernel
-def _find_friction(dry, wet, laws, pile, first, count, room):
-    """Find the friction of a group, and what presses with it: WITHOUT_END, OPEN or FOUND."""
-    speed, before = _largest_speed(pile, first, count, FREE), inf
+def _turn(dry, wet, laws, pile, first, count, room, mode):
+    """
+    Turn by turn, find the friction of a group: WITHOUT_END, OPEN or FOUND.
+
+    Where turns do not end soon, friction is led from one to the next by `slide_at_once`, and back
+    where the next one then has no less to do; the turns between two such leaps double then.
+    """
+    speed, before, leapt, wait, rest = _largest_speed(pile, first, count, FREE), inf, False, 0, 1
+    wildest = WILD * (speed + _fastest_bound(pile, first, count))
     for turn in range(TURNS):
-        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
-        if not change <= WILD * (speed + _fastest_bound(pile, first, count)):
+        change = rub_all(dry, wet, laws, pile, first, count, room, mode, turn < EAGER)
+        if leapt and not change <= NEARER * before:
+            take_back(pile, first, count, room)
+            wait, rest, leapt, done = rest, 2 * rest, False, False
+        elif mode != ALONE and not change <= wildest:
             return WITHOUT_END
-        _press_normally(pile, first, count, room, ENDING, END_BOUND)
-        if _is_done(dry, wet, change, before, speed):
+        else:
+            done = _is_done(dry, wet, change, before, speed)
+            wait, leapt, before = wait - 1, turn >= EAGER and wait <= 0 and not done, change
+        if leapt:
+            slide_at_once(dry, wet, laws, pile, first, count, room, mode)
+        if mode != ALONE:
+            _press_normally(pile, first, count, room, ENDING, END_BOUND)
+        if done:
             return FOUND
-        before = change
     return FOUND if before <= NEARLY * speed else OPEN
+
+
+@kernel
+def _find_friction(dry, wet, laws, pile, first, count, room, mode):
+    """
+    Find the friction of a group, and what presses with it: WITHOUT_END, OPEN or FOUND.
+
+    Who could stick is taken to have the static coefficient, up to where he slides even so: from
+    there on he has the kinetic one. So each law is continuous, and the order of the contacts
+    means nothing.
+    """
+    for k in range(count):
+        room.state[MARK, k] = BY_LAW if count == 1 else MAY_STICK
+        room.vectors[PRESSING, k] = room.vectors[FORCE, k]
+    friction = _turn(dry, wet, laws, pile, first, count, room, mode)
+    while friction == FOUND and mark_sliding(dry, laws, pile, first, count, room):
+        friction = _turn(dry, wet, laws, pile, first, count, room, mode)
+    return friction
 
 
 @kernel
@@ -560,18 +482,24 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     """
     Find the impulses of a group that leave its end velocities within their bounds.
 
-    Friction that wedges a group up makes impulses that grow from turn to turn: it has none then.
-    Returns FOUND, or OPEN where the turns were not enough for friction.
+    Friction that wedges a group up makes impulses that grow from turn to turn, or has several
+    answers: then its bounds are those of what presses without it, which has one answer, but for
+    linear wet friction that overshoots: there is none then.
+    Returns FOUND, or OPEN where that was so.
     """
     _begin(pile, first, count, room)
     _press_normally(pile, first, count, room, ENDING, END_BOUND)
     friction, rubs = FOUND, _rubs(dry, wet, laws, pile, first, count)
     if rubs:
-        friction = _find_friction(dry, wet, laws, pile, first, count, room)
-        if friction == WITHOUT_END:
+        friction = _find_friction(dry, wet, laws, pile, first, count, room, JOINTLY)
+        if friction != FOUND:
             _begin(pile, first, count, room)
             _press_normally(pile, first, count, room, ENDING, END_BOUND)
-            friction = FOUND
+            bounded = _find_friction(dry, wet, laws, pile, first, count, room, BOUNDED)
+            if bounded == WITHOUT_END:
+                _begin(pile, first, count, room)
+                _press_normally(pile, first, count, room, ENDING, END_BOUND)
+            friction = OPEN
     _take_over_normal_impulses(pile, first, count, room)
     if rubs:
         _sum_up(pile, first, count)
@@ -644,8 +572,8 @@ def settle_group(dry, wet, laws, part, pull, pile, first, count, room):
     Returns
     -------
     friction : int
-        FOUND; OPEN where it is not unique or takes more than TURNS to find, so that what it is
-        depends on rounding.
+        FOUND; OPEN where friction and what presses with it have no end, or are not found in TURNS:
+        friction has the bounds of what presses without it then.
 
     """
     contacts, bodies = pile.contacts, pile.bodies
@@ -688,7 +616,8 @@ def _bounce(laws, pile, first, count, room):
         for m in range(count):
             lost += room.matrix[k, m] * room.vectors[FORCE, k] * room.vectors[FORCE, m]
             back += room.matrix[k, m] * room.vectors[LATEST, k] * room.vectors[LATEST, m]
-    share = sqrt(max(lost, 0.0) / back) if back > lost else 1.0
+    lost = max(lost, 0.0)       # below 0 by rounding, where impulses are opposite
+    share = sqrt(lost / back) if back > lost else 1.0
     for k in range(count):
         room.vectors[FORCE, k] += share * room.vectors[LATEST, k]
 
@@ -721,14 +650,9 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     _bounce(laws, pile, first, count, room)
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
-    speed, before, friction = _largest_speed(pile, first, count, FREE), inf, OPEN
-    for turn in range(TURNS):
-        change = _rub_all(dry, wet, laws, pile, first, count, room, turn)
-        if _is_done(dry, wet, change, before, speed):
-            friction = FOUND
-            break
-        before = change
+    friction = _find_friction(dry, wet, laws, pile, first, count, room, ALONE)
+    _take_over_normal_impulses(pile, first, count, room)
     if _rubs(dry, wet, laws, pile, first, count):
         _sum_up(pile, first, count)
     restrain(pile, first, count)
-    return FOUND if before <= NEARLY * speed else friction
+    return friction

@@ -50,7 +50,7 @@ from collision_sim.core.joint import collide_group, make_room, MOST, OPEN
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.pair_memory import recall
+from collision_sim.core.pair_memory import BLURRED, recall
 from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, LEFT, list_thrown,
                                            look_at_walls, meet_walls, ORDER, WALL, WHERE)
 from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
@@ -65,7 +65,6 @@ from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 import numpy as np
 
 TIE = 1e-9              # share of a step: what is closer happens at once
-BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 LOOSE = 0.002           # share of its radius that a particle may leave its path by unnoticed
 
 
@@ -446,7 +445,7 @@ def _look_at_pairs(stage, i, turn):
                                                    meetings.ends[p, SECOND]):
             meetings.looked[p] = turn
             look_at(stage.rules.sweep, stage.pair_rules.slow, stage.rules.flight.dt, stage.matter,
-                    stage.x, stage.v, stage.candidates, meetings, p)
+                    stage.memory, stage.x, stage.v, stage.candidates, meetings, p)
             if meetings.order[p] < inf:
                 meetings.active[meetings.size[1]] = p
                 meetings.size[1] += 1

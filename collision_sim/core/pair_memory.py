@@ -17,8 +17,11 @@
 from typing import NamedTuple
 
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.rules import NONE
+from collision_sim.core.rules import NONE, ROUNDING
+from collision_sim.core.vectors import length
 import numpy as np
+
+BLURRED = 64.0          # times the rounding of an impulse that the velocity it leaves may be off
 
 
 class Memory(NamedTuple):
@@ -47,6 +50,18 @@ def recall(memory, i, j):
             return row
         row = memory.other[row]
     return NONE
+
+
+@inlined
+def resting_speed(memory, row, slow, inverse):
+    """
+    Speed [m/s] up to which those of a contact that pressed do not collide.
+
+    `slow` [m/s] is what gravity does in a step; to that comes the rounding of the impulse, for the
+    sum of the inverse masses [1/kg].
+    """
+    impulse = (memory.impulses[row, 0], memory.impulses[row, 1], memory.impulses[row, 2])
+    return slow + BLURRED * ROUNDING * length(impulse) * inverse
 
 
 @kernel

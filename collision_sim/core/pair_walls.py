@@ -31,7 +31,7 @@ from collision_sim.core.impulses import respond
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse, repulsion
 from collision_sim.core.motion import chord_velocity
-from collision_sim.core.pair_memory import Memory, recall
+from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
@@ -154,6 +154,14 @@ def _is_near(stage, i):
         length(subtract(x1, x0)))
 
 
+@inlined
+def _rests_on(stage, i, c, v_n):
+    """Whether particle i pressed on collider c, and comes no faster [m/s] than who rests on it."""
+    row = recall(stage.memory, i, stage.x.shape[1] + c)
+    return row != NONE and v_n >= -resting_speed(stage.memory, row, stage.pair_rules.slow,
+                                                 stage.matter.inverse[i])
+
+
 @kernel
 def _list_walls(stage, i, answers):
     """List the collisions of particle i with colliders that are near its path."""
@@ -169,9 +177,7 @@ def _list_walls(stage, i, answers):
                           stage.accounts, x0, x1, v0, u, first >= 0)
         least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
         if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
-                k < walls.ends.shape[0]) and not (
-                recall(stage.memory, i, stage.x.shape[1] + c) != NONE
-                and touch.v_n >= -stage.pair_rules.slow):
+                k < walls.ends.shape[0]) and not _rests_on(stage, i, c, touch.v_n):
             walls.ends[k, 0], walls.ends[k, 1] = i, c
             walls.values[k, APPROACH] = touch.v_n
             put_at(walls.values, k, ALONG, touch.normal)

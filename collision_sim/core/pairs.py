@@ -29,7 +29,7 @@ from typing import NamedTuple, Optional
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.lines import in_lines
 from collision_sim.core.neighbours import LOW_BITS
-from collision_sim.core.pair_memory import recall
+from collision_sim.core.pair_memory import recall, resting_speed
 from collision_sim.core.rules import NONE, ROUNDING
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import (add_scaled, dot, largest, length, scaled, subtract)
@@ -59,7 +59,8 @@ class PairRules(NamedTuple):
     laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: 1 if pairs
     have such friction; slow [m/s]: what gravity does in a step, up to which who pressed on
     each other does not collide; part [-]: what the mean velocity gets of what a constant force
-    gives to the end velocity.
+    gives to the end velocity; pull (3,) [m/s]: what gravity adds to that. Wind is left out: it
+    is another one in another frame.
     """
 
     laws: np.ndarray
@@ -67,6 +68,7 @@ class PairRules(NamedTuple):
     wet: Optional[int]
     slow: float
     part: float
+    pull: tuple
 
 
 class Meetings(NamedTuple):
@@ -158,8 +160,10 @@ def meet_on_way(dt, size, x, v, candidates, i, j):
     """
     Share of the step after which two particles meet, inf if they do not, and the normal there.
 
-    Who overlaps at the start meets there. Else, with the place m on the relative path d that is
-    closest to touching centres, the path is inside for sqrt(size^2 - m^2) before it.
+    Who overlaps at the start meets there, and who touches to rounding and comes nearer: where the
+    way only grazes, a square root would make much of rounding. Else, with the place m on the
+    relative path d that is closest to touching centres, the path is inside for
+    sqrt(size^2 - m^2) before it.
     """
     r = subtract(column(x, i), column(x, j))
     d = scaled(dt, subtract(column(candidates.u, i), column(candidates.u, j)))
@@ -169,6 +173,8 @@ def meet_on_way(dt, size, x, v, candidates, i, j):
     way, along = length(d), dot(r, d)
     if not along < 0.0:
         return inf, n
+    if distance - size <= ROUNDING * (largest(column(x, i)) + largest(column(x, j)) + size):
+        return 0.0, n
     e = (d[0] / way, d[1] / way, d[2] / way)
     before = dot(r, e)
     m = add_scaled(r, -before, e)
@@ -253,7 +259,7 @@ def meet(sweep, dt, size, x, v, candidates, i, j):
 
 
 @inlined
-def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
+def look_at(sweep, slow, dt, matter, memory, x, v, candidates, meetings, p):
     """Write when or how deep pair p collides, and its normal."""
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     vi, vj = column(v, i), column(v, j)
@@ -263,7 +269,8 @@ def look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p):
         column(candidates.u, j))
     least = ROUNDING * speed + meetings.states[i, BLUR] + meetings.states[j, BLUR]
     if meetings.known[p] != NONE:
-        least = max(least, slow)
+        least = max(least, resting_speed(memory, meetings.known[p], slow,
+                                         matter.inverse[i] + matter.inverse[j]))
     if not dot(n, relative) < -least or is_spent(meetings, i) or is_spent(meetings, j):
         order = inf
     meetings.order[p] = order
@@ -294,7 +301,7 @@ def _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first, x, v
         meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
         meetings.order[p], meetings.known[p] = inf, recall(memory, i, j)
         if can_meet(matter, i, j):
-            look_at(sweep, slow, dt, matter, x, v, candidates, meetings, p)
+            look_at(sweep, slow, dt, matter, memory, x, v, candidates, meetings, p)
 
 
 @entry

@@ -548,8 +548,7 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
         colour_contacts(work, pile)
         fetch_add(progress, 1, 1)
     finish(progress, 0, 1)
-    phase = _settle_groups(work, 1, dry, wet, laws, part, stage.rules.flight.end_shift, pile,
-                           room)
+    phase = _settle_groups(work, 1, dry, wet, laws, part, stage.pair_rules.pull, pile, room)
     if numbers[COLOURED] > 0:
         phase = _settle_large(work, phase, dry, wet, laws, part, pile)
     if fetch_add(progress, 2 * phase, 1) == 0:

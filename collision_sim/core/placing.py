@@ -24,18 +24,26 @@ from collision_sim.core.jit import kernel
 from collision_sim.core.motion import chord_velocity, END, point_velocity
 from collision_sim.core.rules import (N_FAIL_SAFE, N_FROZEN, N_UNPLACED, NONE, NOTES, PARALLEL,
                                       PUSHES)
-from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, origin, subtract
+from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length, origin,
+                                        scaled, subtract)
 
 
 @kernel
 def _free_part(n, a, b):
-    """Give the part of normal n along the surfaces with normals a and b; zero: no such surface."""
-    t = add_scaled(n, -dot(n, a), a)
-    b = add_scaled(b, -dot(b, a), a)
-    size = dot(b, b)
+    """
+    Give the part of normal n along the surfaces with normals a and b; zero: no such surface.
+
+    As vector products, which lose no digits where surfaces are all but parallel.
+    """
+    along = cross(a, b)
+    size = dot(along, along)
     if size > PARALLEL:
-        t = add_scaled(t, -dot(t, b) / size, b)
-    return t if dot(t, n) > PARALLEL else n
+        t = scaled(dot(along, n) / size, along)
+    elif dot(a, a) > 0.0:
+        t = cross(cross(a, n), a)
+    else:
+        return n
+    return t if dot(t, t) > PARALLEL else n
 
 
 @kernel
@@ -76,7 +84,7 @@ def push_out(rules, here, table, poses, motion, x0, place):
         c1, n1 = c, n
         t = _free_part(n, a, b)
         rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
-        place = add_scaled(place, (k * rounding - phi) / dot(t, n), t)
+        place = add_scaled(place, (k * rounding - phi) / dot(t, t), t)
         carried = _carried(rules, here, table, poses, motion, c, x0)
         reach = length(subtract(candidate, carried))
         if c2 != NONE:

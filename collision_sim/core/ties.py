@@ -16,6 +16,7 @@
 Which collider comes first where a particle is equally deep in several.
 
 That is not left to their order in the scene. The one that is approached fastest comes first; then
+one that a particle rests on before one that only pushes it out, which changes no velocity; then
 the one that takes most from a particle, by less restitution and more friction: both are the same
 in a mirror image. Where even that is alike, the colliders are answered at once (response.py); for
 what that cannot do, their normals are compared, and last their places.
@@ -87,4 +88,7 @@ def is_before(table, poses, row, one, other, v):
     """Whether a Touch comes before another one that is equally deep; v: velocity they act on."""
     if not lacks_alike(one, other, v):
         return lack(one) < lack(other)
+    blur = ROUNDING * (largest(v) + largest(one.obj) + largest(other.obj))
+    if abs(one.target - other.target) > blur:
+        return one.target < other.target
     return stands_first(table, poses, row, one.collider, one.normal, other.collider, other.normal)

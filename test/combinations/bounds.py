@@ -164,7 +164,11 @@ def _crosses(case, step, c):
 
 
 def _cuts(case, step, c):
-    """Whether a chord cuts a collider that does not turn by more than rounding."""
+    """
+    Whether a chord cuts a collider that does not turn by more than rounding.
+
+    Who starts walled in in a seam starts inside, as `stays_outside` says.
+    """
     collider, (p0, q0), (p1, q1) = step.scene.colliders[c], step.poses0[c], step.poses[c]
     if np.abs(np.subtract(q0, q1)).max() > 1e-12:
         return None
@@ -177,7 +181,8 @@ def _cuts(case, step, c):
         fall = 0.5 * np.linalg.norm(step.scene.gravity) * step.scene.stepping.dt ** 2
         limit = 1e-9 + 4.0 * blur[i] + fall
         if depth > limit and depth > limit + 1.001 * _sag(collider, q0, radius[i], chord[0],
-                                                          chord[-1], blur[i]):
+                                                          chord[-1], blur[i]) and not (
+                buried(case, step, i, step.poses0, step.x0, ALL_AROUND) > 0.0):
             return f'particle {i} goes {depth:.3g} m deep through {collider.name}'
     return None
 

@@ -319,6 +319,33 @@ def break_shot(dice, case):
     return colliders, []
 
 
+def squeeze(dice, case):
+    """Give two balls beside each other at a wall, and one that presses or hits them; symmetric."""
+    radius, large, wall = 0.1, dice.pick(0.1, 0.3), dice.pick('plane', 'box', 'sphere')
+    axis = np.roll(np.eye(3), dice.whole(0, 2), axis=0)
+    apart, thick, speed = radius + dice.pick(0.0, 0.0, 0.02), 0.1, dice.pick(0.2, 1.0)
+    away = np.sqrt((large + radius) ** 2 - apart ** 2) + dice.pick(0.0, 0.0, 0.001, -0.01)
+    case['scene']['particles'] = {
+        'position': [(-apart * axis[0]).tolist(), (apart * axis[0]).tolist(),
+                     (-away * axis[1]).tolist()],
+        'velocity': [[0.0] * 3, [0.0] * 3, (speed * axis[1]).tolist()],
+        'radius': [radius, radius, large],
+        'mass': [1.0, 1.0, dice.pick(0.01, 1.0, 1e3, 1e6, np.inf)]}
+    case['scene']['pairs'] = {}
+    case['scene']['gravity'] = (dice.pick(0.0, 9.81, -9.81) * axis[1]).tolist()
+    if wall == 'plane':
+        found = {'shape': wall, 'point': (radius * axis[1]).tolist(),
+                 'normal': (-axis[1]).tolist()}
+    elif wall == 'box':
+        found = {'shape': wall, 'size': (2.0 * axis[0] + 2.0 * thick * axis[1]
+                                         + 2.0 * axis[2]).tolist(),
+                 'position': ((radius + thick) * axis[1]).tolist()}
+    else:
+        found = {'shape': wall, 'radius': 1.0, 'position': (
+            np.sqrt((1.0 + radius) ** 2 - apart ** 2) * axis[1]).tolist()}
+    return [found], []
+
+
 def drum(dice, case):
     """Give a collider that holds the particles inside, often turning, and perhaps more."""
     collider = _body(dice, dice.pick('sphere', 'cylinder', 'capsule', 'box'), 0.2)
@@ -404,7 +431,8 @@ def _moving(dice, colliders, share=0.3):
 
 # Meshes cost ten times as much as others without the compiler.
 FAMILIES = (several, several, several, several, several, several, many, many, tiles, tiles, tiles,
-            press, press, press, groove, groove, column, column, break_shot, drum, drum, meshes)
+            press, press, press, groove, groove, column, column, break_shot, squeeze,
+            drum, drum, meshes)
 
 
 # ------------------------------------------------------------------------------------- the rest

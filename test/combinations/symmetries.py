@@ -223,7 +223,7 @@ def own_mirror_image(case, run, random):
     """
     See that what is its own mirror image stays so: particles in pairs, or on the plane.
 
-    The planes among the colliders, too, are in pairs, or across. No nudge is asked for here:
+    The colliders, too, are in pairs, or across. No nudge is asked for here:
     whatever happens, happens to both sides alike. Who starts inside, as far from two faces, has to
     take one of them, and those on the plane that balance on an edge.
     """
@@ -235,20 +235,21 @@ def own_mirror_image(case, run, random):
         flip = np.ones(3)
         flip[axis] = -1.0
         partner = _mirrored_particles(case, flip)
-        if partner is None or not _mirrors_planes(scene.get('colliders', ()), flip) \
+        if partner is None or not _mirrors_colliders(scene.get('colliders', ()), flip) \
                 or scene.get('gravity', [0.0, 0.0, -9.81])[axis] != 0.0:
             continue
         for k, step in enumerate(run):
             length, speed = lengths(step)
-            if not (np.abs(step.x[partner] * flip - step.x).max() <= TOLERANCE * length
-                    and np.abs(step.v[partner] * flip - step.v).max() <= TOLERANCE * speed):
+            if not all(any(np.abs(step.x[j] * flip - step.x[i]).max() <= TOLERANCE * length
+                           and np.abs(step.v[j] * flip - step.v[i]).max() <= TOLERANCE * speed
+                           for j in partner[i]) for i in range(len(partner))):
                 return (f'step {k}: {step.x.tolist()}, {step.v.tolist()} is no mirror image of '
                         f'itself across axis {axis}')
     return None
 
 
 def _mirrored_particles(case, flip):
-    """Give the mirror image of each particle; None where one has none."""
+    """Give for each particle those that start as its mirror image; None where one has none."""
     position = np.array(case['scene']['particles']['position'], dtype=float).reshape(-1, 3)
     velocity = np.broadcast_to(case['scene']['particles'].get('velocity', 0.0), position.shape)
     mass, radius, partner = each(case, 'mass', 1.0), each(case, 'radius', 0.0), []
@@ -258,23 +259,26 @@ def _mirrored_particles(case, flip):
                 and mass[i] == mass[j] and radius[i] == radius[j]]
         if not same:
             return None
-        partner.append(same[0])
+        partner.append(same)
     return partner
 
 
-def _mirrors_planes(colliders, flip):
-    """Say whether colliders are still planes that are in pairs, or their own mirror images."""
+def _mirrors_colliders(colliders, flip):
+    """Say whether planes, boxes and spheres that stand are in pairs, or mirror images already."""
     found = []
     for collider in colliders:
-        if collider['shape'] != 'plane' or 'motion' in collider or 'orientation' in collider:
+        if collider['shape'] not in ('plane', 'box', 'sphere') or 'motion' in collider \
+                or 'orientation' in collider:
             return False
-        laws = {key: value for key, value in collider.items()
-                if key in ('restitution', 'friction', 'inside')}
-        found.append((np.array(collider.get('normal', (0.0, 0.0, 1.0)), dtype=float),
-                      np.array(collider.get('point', (0.0, 0.0, 0.0)), dtype=float), laws))
+        others = {key: value for key, value in collider.items()
+                  if key not in ('name', 'normal', 'point', 'position')}
+        place = 'point' if collider['shape'] == 'plane' else 'position'
+        found.append((np.array(collider.get('normal', (0.0, 0.0, 1.0)), dtype=float)
+                      if place == 'point' else np.zeros(3),
+                      np.array(collider.get(place, (0.0, 0.0, 0.0)), dtype=float), others))
     return all(any(np.array_equal(flip * normal, other) and np.array_equal(flip * point, there)
-                   and laws == those for other, there, those in found)
-               for normal, point, laws in found)
+                   and others == those for other, there, those in found)
+               for normal, point, others in found)
 
 
 # ------------------------------------------------------------------------------- frames and units
