@@ -381,7 +381,7 @@ def _across(n):
 def _list_holding(dry, laws, pile, first, count, room):
     """List the directions of those that stick; how many contacts there are of them."""
     size = 0
-    if dry is not None:
+    if dry:
         for k in range(count):
             c = pile.member[first + k]
             n, impulse = at(pile.contacts, c, NORMAL), at(pile.contacts, c, IMPULSE)
@@ -488,7 +488,7 @@ def _sum_up(pile, first, count):
 @inlined
 def _is_done(dry, wet, change, before, speed):
     """Whether friction has found its impulses, for the changes of two turns and a speed."""
-    if dry is None and wet is None:
+    if not (dry or wet):
         return True
     return not change > SETTLED * speed or (
         max(before, change) <= NEARLY * speed and change >= 0.5 * before)
@@ -499,10 +499,10 @@ def _rubs(dry, wet, laws, pile, first, count):
     """Whether there is friction in a group of contacts: coefficients of zero change no bit."""
     for k in range(count):
         row = pile.ends[pile.member[first + k], LAW_ROW]
-        if dry is not None:
+        if dry:
             if laws[row, STATIC] > 0.0:
                 return True
-        if wet is not None:
+        if wet:
             if laws[row, WET] > 0.0:
                 return True
     return False

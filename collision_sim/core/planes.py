@@ -24,7 +24,7 @@ left to `resolve`.
 from math import sqrt
 
 from collision_sim.core.blocks import clear_of_others
-from collision_sim.core.broad_phase import how_many, nth, others_of, radius_at
+from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.detection import approach
 from collision_sim.core.flight import fly
 from collision_sim.core.impulses import doubtful_change, respond_to_slip, slip_of
@@ -114,10 +114,9 @@ def _write(s, row, i, a):
 @inlined
 def _is_still(motion, step, c):
     """Whether a plane does not move in this step: the velocities of its points are 0 exactly."""
-    if motion is not None:
-        for k in range(motion.shape[2]):
-            if motion[step, c, k] != 0.0:
-                return False
+    for k in range(motion.shape[2]):
+        if motion[step, c, k] != 0.0:
+            return False
     return True
 
 
@@ -211,7 +210,8 @@ def _rows(s, row, count):
 
 
 @kernel
-def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, cells, chosen):
+def _leave_if_near(grid, present, margins, table, poses, start, end, c, s, count, clear, cells,
+                   chosen):
     """
     Leave those particles to `resolve` that may touch a collider other than plane c.
 
@@ -224,8 +224,8 @@ def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, 
         x, y, z = _rows(s, PLACE, count)
         x1, y1, z1 = _rows(s, BETWEEN, count)
         near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
-        clear_of_others(grid, present, table, poses, end, c, near, 1, None, x1, y1, z1, marks,
-                        cells, chosen)
+        clear_of_others(grid, present, table, poses, end, c, near, True, margins, x1, y1, z1,
+                        marks, cells, chosen)
         clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
                             marks, cells)
         for i in range(count):
@@ -235,7 +235,7 @@ def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, 
 @inlined
 def _log(log, accounts, block, first, c, poses, end, s, touching, count):
     """Log the contacts of a chunk, if anybody wants them."""
-    if log is not None:
+    if log.shape[1] > 0:
         row, n = accounts[block, N_LOGGED], (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8])
         for i in range(count):
             k = np.uint64(row + i)
@@ -289,31 +289,34 @@ def _keep(s, rows, count, unanswered, left):
 
 
 @inlined
-def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen):
+def _answer_chunk(grid, rules, margins, here, table, poses, motion, c, s, count, clear, cells,
+                  chosen):
     """Answer the particles of a chunk, in loops without branches."""
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
         _collide(rules, table, poses, motion, step, start, end, c, s, full)
-        _leave_if_near(grid, rules.present, table, poses, start, end, c, s, count, clear, cells,
-                       chosen)
+        _leave_if_near(grid, rules.present, margins, table, poses, start, end, c, s, count, clear,
+                       cells, chosen)
     _press(rules, table, poses, motion, step, start, end, c, s, full)
 
 
 @kernel
-def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
-                  vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
+def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log, accounts, x, y,
+                  z, vx, vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
     for i in range(count):
         s[_at(DONE, i)] = 0.0
-    _leave_if_near(grid, rules.present, table, poses, here.start, here.end, c, s, count, clear,
-                   cells, chosen)
+    _leave_if_near(grid, rules.present, margins, table, poses, here.start, here.end, c, s, count,
+                   clear, cells, chosen)
     count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
     if _is_still(motion, here.step, c):
-        _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells, chosen)
+        _answer_chunk(grid, rules, margins, here, table, poses, None, c, s, count, clear, cells,
+                      chosen)
     else:
-        _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen)
+        _answer_chunk(grid, rules, margins, here, table, poses, motion, c, s, count, clear, cells,
+                      chosen)
     count, left = _keep(s, ROWS, count, unanswered, left)
     hits, contacts = 0, 0
     for i in range(count):
@@ -329,21 +332,21 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
 
 
 @inlined
-def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
-                  vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
+def answer_planes(grid, rules, margins, here, table, poses, motion, radius, log, accounts, first,
+                  x, y, z, vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
     Parameters
     ----------
-    grid : broad_phase.Grid or None
-        None in scenes of few colliders.
+    grid : broad_phase.Grid
+        Without cells in scenes of few colliders.
     rules, table, poses, motion, log, accounts
         As in response.resolve.
     here : rules.Here
         Step, rows of poses and block; no particle.
-    radius : (B,) float64 [m] or None
-        Of the particles of the block.
+    radius : (B,) or (1,) float64 [m]
+        Of the particles of the block, or of all.
     first : int
         Index of the first particle of the block.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
@@ -367,8 +370,8 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         How many are left for response.resolve.
 
     """
-    for m in range(how_many(others_of(grid), table)):
-        c = nth(others_of(grid), m)
+    for m in range(grid.others.shape[0]):
+        c = grid.others[m]
         if table[c, KIND] != PLANE:
             continue
         left, taken = 0, 0
@@ -388,11 +391,11 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
             _write(s, BETWEEN, taken, x1)
             taken += 1
             if taken == CHUNK:
-                left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
-                                     accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
+                left = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c,
+                                     log, accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
                                      chosen, touching, unanswered, left)
                 taken = 0
-        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
-                              y, z, vx, vy, vz, s, taken, clear, cells, chosen, touching,
-                              unanswered, left)
+        count = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log,
+                              accounts, x, y, z, vx, vy, vz, s, taken, clear, cells, chosen,
+                              touching, unanswered, left)
     return count
