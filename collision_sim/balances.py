@@ -153,7 +153,8 @@ class Books:
         """Give what the kernels book with, in this scene."""
         mass, drag = np.asarray(scene.particles.mass), scene.drag
         return Ledger(
-            self._rows, finite_masses(mass).copy() if mass.ndim else None, tuple(scene.gravity),
+            self._rows, finite_masses(mass).copy() if mass.ndim else np.ones(1),
+            tuple(map(float, scene.gravity)),
             bool(drag and (drag.linear or drag.quadratic)),
             scene.stepping.flight == 'symplectic_euler')
 

@@ -108,8 +108,8 @@ class Coupling:
 
     def _substeps(self, poses, motion, row):
         """Poses (2, C, 12) and motion (1, C, MOTION) of each substep."""
-        if motion is None:
-            yield from [(poses, None)] * self.parts
+        if len(poses) == 1:
+            yield from [(poses, motion)] * self.parts
             return
         cut, turns = subdivide(poses[row:row + 2], motion[row:row + 1], self.parts)
         yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(self.parts))
@@ -118,12 +118,12 @@ class Coupling:
         """Take one substep: candidates by springs and pairs, and then the colliders."""
         crew = self._crew_for(parts)
         self._substeps_done += 1
-        rows = 0 if parts.log is None else parts.log.shape[1] // parts.block
+        rows = parts.log.shape[1] // parts.block
         parts.accounts[:, [N_LOGGED, N_ROWS, N_STEP]] = 0, rows, self._substeps_done
         if self._solver:
             self._stretch(parts, threads)
         if self._pairs:
-            self._pairs.step(parts, self._candidates, None if self._solver else 1, threads)
+            self._pairs.step(parts, self._candidates, not self._solver, threads)
         crew.run(threads if len(parts.accounts) > FEW else 1, len(parts.accounts), 1, 0)
 
     def _crew_for(self, parts):

@@ -24,7 +24,7 @@ from copy import deepcopy
 from typing import NamedTuple, Optional
 
 from collision_sim.checks import SceneError
-from collision_sim.core.broad_phase import in_grid, make_grid
+from collision_sim.core.broad_phase import in_grid, make_grid, no_grid
 from collision_sim.core.motion import (chord_twists, DOUBT, END, end_twists, fill_turns, MOTION,
                                        script_poses, START, TURN, TWIST)
 from collision_sim.core.rotation import quaternion
@@ -80,14 +80,14 @@ class Kinematics:
     ----------
     poses : (S + 1, C, 12) float64
         Laid out; one row where nothing moves.
-    motion : (S, C, MOTION) float64 or None
-        None where nothing moves.
+    motion : (S, C, MOTION) float64
+        One row of zeros where nothing moves.
     courses : (S, C, courses.COURSE) float64 or None
         For the event-driven method.
     row : int
         Row of `poses` that is now, and of `motion` that is the next step.
-    grid : broad_phase.Grid or None
-        Over the colliders that are laid out; None where they are few.
+    grid : broad_phase.Grid
+        Over the colliders that are laid out; without cells where they are few.
     laid_out : int
         Changes whenever other arrays than before are laid out.
 
@@ -114,8 +114,8 @@ class Kinematics:
     def reset(self):
         """Go back to the start."""
         self.poses, self.row = self._base[None].copy(), 0
-        self.motion = self.courses = None
         count = len(self._indices)
+        self.motion, self.courses = np.zeros((1, count, MOTION)), None
         self._tracks = []                           # Tracks of the steps to come, by `move`
         self._moved = np.zeros(count, dtype=bool)   # by `move`, at any time
         self._chords = np.full((2, count, TWIST), np.nan)   # of the last steps; NaN: none
@@ -127,7 +127,7 @@ class Kinematics:
         """Note that poses have been laid out anew, and lay out the grid over them."""
         self.laid_out += 1
         self.grid = make_grid(self._in_grid, self._table, self.poses, self.motion, self._reach) \
-            if self._many else None
+            if self._many else no_grid(len(self._table))
 
     @property
     def now(self):
@@ -186,7 +186,7 @@ class Kinematics:
         steps = min([most, MANY_AHEAD if self._many else MOST_AHEAD,
                      *(len(some.poses) for some in tracks)])
         now, self.row = self.now.copy(), 0
-        new = len(self.poses) != steps + 1 or self.motion is None
+        new = len(self.poses) != steps + 1 or len(self.motion) != steps
         if new:
             self.poses = np.empty((steps + 1, *now.shape[1:]))
             self.motion = np.empty((steps, now.shape[1], MOTION))

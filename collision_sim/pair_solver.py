@@ -23,7 +23,6 @@ from collision_sim.core.cells import LEVELS, make_cells, slots_in
 from collision_sim.core.contact_solver import make_pile, make_work, MET
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.jit import bound
-from collision_sim.core.motion import MOTION
 from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_cells, Near, PHASES,
                                            PIECE, QUEUE)
 from collision_sim.core.pair_collisions import collide_all
@@ -31,7 +30,7 @@ from collision_sim.core.pair_memory import Memory
 from collision_sim.core.pair_walls import make_walls, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
-from collision_sim.core.rules import CHECKS, LOG, N_UNDECIDED, NONE
+from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import prepare, share
 from collision_sim.tables import collider_table, pair_row
@@ -67,7 +66,7 @@ class PairSolver:
         self._bounced = np.empty(count, dtype=np.int64)
         self._bounces = np.zeros((len(self._bounds), 2), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
-        self._cells, self._still = None, np.zeros((1, 0, MOTION))
+        self._cells = None
         self._meetings, self._walls = make_meetings(0, count), make_walls(0)
         self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
@@ -82,12 +81,10 @@ class PairSolver:
         slow = 2.0 * float(np.linalg.norm(pull.mean_shift))
         friction = scene.pairs.friction_in(scene)
         self._rules = PairRules(np.vstack([collider_table(scene), pair_row(scene)]),
-                                None if friction.static is None else 1,
-                                None if friction.wet is None else 1, slow,
+                                friction.static is not None, friction.wet is not None, slow,
                                 unit.mean_shift[0] / unit.end_shift[0] if flight.dt > 0.0 else 0.5,
                                 pull.end_shift)
-        self._dry = 1 if rules.dry or self._rules.dry else None
-        self._wet = 1 if rules.wet or self._rules.wet else None
+        self._dry, self._wet = rules.dry or self._rules.dry, rules.wet or self._rules.wet
         self._sweeps = SWEEPS * scene.stepping.iterations
         self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + flight.dt * slow, 0.0)
         self._extent[:] = self._base
@@ -104,8 +101,8 @@ class PairSolver:
             Of the step.
         candidates : candidates.Candidates
             Changed.
-        flies : int or None
-            1: they are still to be laid out, as free flights.
+        flies : bool
+            Whether they are still to be laid out, as free flights.
         threads : int
             Most threads to use.
 
@@ -133,9 +130,8 @@ class PairSolver:
         stage = Stage(
             _answered_singly(rules), self._rules, self._matter, self._meetings, self._memory,
             self._cells, self._moved, self._pile, self._walls, candidates, parts.table,
-            parts.poses, self._motion_of(parts), parts.log if parts.log is not None else np.empty(
-                (len(parts.accounts), 0, LOG)), parts.accounts, parts.ledger, parts.x, parts.v,
-            parts.motion is not None, rules.checks is None)
+            parts.poses, parts.motion, parts.log, parts.accounts, parts.ledger, parts.x, parts.v,
+            np.arange(len(parts.table)), len(parts.poses) > 1, not rules.checks)
         self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
@@ -163,17 +159,9 @@ class PairSolver:
         if len(parts.table) == 0:
             return 0
         share(find_bounces, threads, parts.grid, _answered_singly(parts.rules), parts.table,
-              parts.poses, self._motion_of(parts), self._matter.radius, parts.x, parts.v,
+              parts.poses, parts.motion, self._matter.radius, parts.x, parts.v,
               candidates, self._bounced, self._bounces)
         return int(self._bounces[:, 0].sum())
-
-    def _motion_of(self, parts):
-        """Motion of the colliders in a step; zero where none moves."""
-        if parts.motion is not None:
-            return parts.motion
-        if len(self._still[0]) != len(parts.table):
-            self._still = np.zeros((1, len(parts.table), MOTION))
-        return self._still
 
     def forget(self):
         """Forget the impulses of the last step."""
@@ -217,7 +205,7 @@ class PairSolver:
 
 def _answered_singly(rules):
     """Rules of a step with a collision stage, whose particles are answered one by one."""
-    return rules._replace(checks=CHECKS, planes=None)
+    return rules._replace(checks=True, planes=False)
 
 
 def _nobody(count):

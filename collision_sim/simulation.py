@@ -27,6 +27,7 @@ from typing import NamedTuple
 
 from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
+from collision_sim.core.candidates import NOBODY
 from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.lines import in_lines
 from collision_sim.core.plan import make_plan, Parts
@@ -116,11 +117,12 @@ class Simulation:
         blocks = -(-self._x.shape[1] // self._block)
         self._accounts = np.zeros((blocks, ACCOUNTS), dtype=np.int64)
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
-        self._log = None
+        self._log, self._logs = np.zeros((blocks, 0, LOG)), False
         self._books = Books(blocks, len(scene.colliders)) if ledger else None
         radius = np.asarray(scene.particles.radius, dtype=np.float64)
-        self._radius = np.broadcast_to(radius, blocks and self._x.shape[1:]).copy() \
-            if np.any(radius) else None
+        one = radius.size == 0 or np.all(radius == radius.flat[0])
+        self._radius = np.array(radius.flat[:1] if radius.size else [0.0]) if one else \
+            np.broadcast_to(radius, self._x.shape[1:]).copy()
         self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
         self._reset()
@@ -275,7 +277,7 @@ class Simulation:
         counts = self._accounts[:, N_LOGGED]
         first = (counts - np.cumsum(counts)) % stride
         rows = [rows[start:n:stride] for rows, start, n in zip(
-            self._logged(), first, counts)] if self._log is not None else []
+            self._logged(), first, counts)] if self._logs else []
         log = np.concatenate(rows) if rows else np.empty((0, LOG))
         log = log[np.argsort(log[:, 0], kind='stable')]
         particle, collider, state = log[:, :POINT].T.astype(np.int64)
@@ -430,7 +432,7 @@ class Simulation:
 
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
-        if self.record_contacts != (self._log is not None):
+        if self.record_contacts != self._logs:
             self._lay_out_log()
         colliders = self._colliders
         if self._forces is not None:
@@ -452,15 +454,14 @@ class Simulation:
         """Make room for the contacts of a step, by events of all colliders, or need none."""
         most = len(self._table)
         most = most if self._forces is not None else min(most, MOST_CONTACTS)
-        self._log = None
-        if self.record_contacts:
-            self._log = np.zeros((len(self._accounts), most * self._block, LOG))
+        rows = most * self._block if self.record_contacts else 0
+        self._log, self._logs = np.zeros((len(self._accounts), rows, LOG)), self.record_contacts
         self._planned = None
 
     def _parts(self, rules, poses, motion):
         """Give what a plan is made of."""
         return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
-                     self._notes, self._x, self._v, self._ledger, None, self._colliders.grid,
+                     self._notes, self._x, self._v, self._ledger, NOBODY, self._colliders.grid,
                      self._block)
 
     # ------------------------------------------------------------------ changes from outside

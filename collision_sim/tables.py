@@ -26,8 +26,7 @@ from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import SCRIPT
 from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
-from collision_sim.core.shapes import (BOX, COLUMNS, CYLINDER, KIND, Present, RESTITUTION, SHAPES,
-                                       SIDE, SIZE)
+from collision_sim.core.shapes import COLUMNS, KIND, PLANE, Present, RESTITUTION, SHAPES, SIZE
 from collision_sim.scene import Drag
 import numpy as np
 
@@ -58,11 +57,6 @@ def pair_row(scene):
     return row
 
 
-def _used(flags):
-    """1 if any flag is set, else None, for which nothing is compiled."""
-    return 1 if any(flags) else None
-
-
 def mesh_tables(scene):
     """Give the meshes of a scene as mesh.Meshes; None where there are none."""
     check_method(scene.colliders, scene.stepping.method)
@@ -75,20 +69,17 @@ def step_rules(scene, table, meshes):
     """Say what a step does in this scene, as rules.Rules."""
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
-    present = Present(*(_used(table[:, KIND] == kind) for kind in SHAPES.values()))
-    faced = np.isin(table[:, KIND], (BOX, CYLINDER)) & (table[:, SIDE] > 0.0)
-    present = present._replace(meshes=meshes, faced=_used(faced))
-    once = stepping.method == 'single_pass'
+    planes = bool((table[:, KIND] == PLANE).any())
     return Rules(
-        flight, present, dry=_used(f.static is not None for f in frictions),
-        wet=_used(f.wet is not None for f in frictions),
-        sweep=_used([stepping.detection == 'trajectory' or stepping.method == 'exact']),
-        checks=_used([stepping.method not in ('single_pass', 'multi_pass')]),
-        passes=stepping.iterations, once=once,
-        share=stepping.repulsion, highest=stepping.repulsion_speed,
-        second=_used([stepping.method == 'second_order_contact']),
-        planes=_used([present.planes and stepping.method == 'collision_then_contact'
-                      and stepping.detection == 'end_of_step']))
+        flight, Present(meshes), dry=any(f.static is not None for f in frictions),
+        wet=any(f.wet is not None for f in frictions),
+        sweep=1 if stepping.detection == 'trajectory' or stepping.method == 'exact' else None,
+        checks=stepping.method not in ('single_pass', 'multi_pass'),
+        passes=stepping.iterations, once=stepping.method == 'single_pass',
+        share=float(stepping.repulsion), highest=float(stepping.repulsion_speed),
+        second=1 if stepping.method == 'second_order_contact' else None,
+        planes=planes and stepping.method == 'collision_then_contact'
+        and stepping.detection == 'end_of_step')
 
 
 def acting_forces(scene):

@@ -21,7 +21,6 @@ shapes.py or errs towards "may touch", and the few particles that may touch are 
 by one by response.py.
 """
 
-from collision_sim.core.broad_phase import how_many, nth, radius_at
 from collision_sim.core.flight import affine, quadratic_factor
 from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch, select,
                                     widest_vectors, WORD)
@@ -36,26 +35,10 @@ TILE = 256              # particles that are flown and tested at a time
 MARGIN = 1e-14          # relative: squares are compared where the signed distance takes a root
 
 
-@inlined
-def margin_at(margins, c):
-    """Margin [m] around collider c; None without margins."""
-    if margins is not None:
-        return margins[c]
-    return None
-
-
-@inlined
-def near_at(radius, i, margin):
-    """Distance [m] from collider to centre at which particle i may touch it."""
-    if margin is not None:
-        return radius_at(radius, i) + margin
-    return radius_at(radius, i)
-
-
 @kernel
 def _slowed_block(quadratic, vx, vy, vz, factor, ends):
     """Half a step of quadratic drag from a block's velocities to `ends`; as flight.slowed."""
-    if quadratic is not None:
+    if quadratic[0] > 0.0:
         c, wx, wy, wz = quadratic[0], quadratic[1], quadratic[2], quadratic[3]
         for i in range(vx.shape[0]):
             ux, uy, uz = vx[i] - wx, vy[i] - wy, vz[i] - wz
@@ -97,7 +80,7 @@ def fly_block(flight, x, y, z, vx, vy, vz, new, factor):
         ends[0, i] = affine(gains, 0, ends[0, i], end[0])
         ends[1, i] = affine(gains, 0, ends[1, i], end[1])
         ends[2, i] = affine(gains, 0, ends[2, i], end[2])
-    if flight.quadratic is not None:
+    if flight.quadratic[0] > 0.0:
         n = x.shape[0]
         _slowed_block(flight.quadratic, ends[0][:n], ends[1][:n], ends[2][:n], factor, ends)
 
@@ -223,107 +206,102 @@ def _square_limit(size, side, r):
 
 
 @inlined
-def _clear_planes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+def _clear_planes(table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
-    if present is not None:
-        for m in range(how_many(chosen, table)):
-            c = nth(chosen, m)
-            margin = margin_at(margins, c)
-            if table[c, KIND] != PLANE or c == skip:
-                continue
-            pose, side = poses[c], table[c, SIDE]
-            nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
-            for i in range(x.shape[0]):
-                q = nx * (x[i] - px) + ny * (y[i] - py) + nz * (z[i] - pz)
-                clear[i] = _smaller(clear[i], side * q - near_at(radius, i, margin))
+    for m in range(chosen.shape[0]):
+        c = chosen[m]
+        margin = margins[c]
+        if table[c, KIND] != PLANE or c == skip:
+            continue
+        pose, side = poses[c], table[c, SIDE]
+        nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
+        for i in range(x.shape[0]):
+            q = nx * (x[i] - px) + ny * (y[i] - py) + nz * (z[i] - pz)
+            clear[i] = _smaller(clear[i], side * q - (radius[i] + margin))
 
 
 @inlined
-def _clear_spheres(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+def _clear_spheres(table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
-    if present is not None:
-        for m in range(how_many(chosen, table)):
-            c = nth(chosen, m)
-            margin = margin_at(margins, c)
-            if table[c, KIND] != SPHERE or c == skip:
-                continue
-            pose, side = poses[c], table[c, SIDE]
-            size = table[c, SIZE]
-            px, py, pz = pose[9], pose[10], pose[11]
-            for i in range(x.shape[0]):
-                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-                limit = _square_limit(size, side, near_at(radius, i, margin))
-                clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
+    for m in range(chosen.shape[0]):
+        c = chosen[m]
+        margin = margins[c]
+        if table[c, KIND] != SPHERE or c == skip:
+            continue
+        pose, side = poses[c], table[c, SIDE]
+        size = table[c, SIZE]
+        px, py, pz = pose[9], pose[10], pose[11]
+        for i in range(x.shape[0]):
+            ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+            limit = _square_limit(size, side, radius[i] + margin)
+            clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
 
 
 @inlined
-def _clear_boxes(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+def _clear_boxes(table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
-    if present is not None:
-        for m in range(how_many(chosen, table)):
-            c = nth(chosen, m)
-            margin = margin_at(margins, c)
-            if table[c, KIND] != BOX or c == skip:
-                continue
-            p, side = poses[c], table[c, SIDE]
-            wide = seam_width(table, c, (p[9], p[10], p[11]))
-            h0, h1 = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
-            h2 = table[c, SIZE + 2] + wide
-            r0, r1, r2, r3, r4, r5, r6, r7, r8 = p[:9]
-            px, py, pz = p[9], p[10], p[11]
-            for i in range(x.shape[0]):
-                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-                dx = abs(r0 * ax + r3 * ay + r6 * az) - h0
-                dy = abs(r1 * ax + r4 * ay + r7 * az) - h1
-                dz = abs(r2 * ax + r5 * ay + r8 * az) - h2
-                outside = _larger(dx, _larger(dy, dz))
-                clear[i] = _smaller(clear[i], side * outside - near_at(radius, i, margin))
+    for m in range(chosen.shape[0]):
+        c = chosen[m]
+        margin = margins[c]
+        if table[c, KIND] != BOX or c == skip:
+            continue
+        p, side = poses[c], table[c, SIDE]
+        wide = seam_width(table, c, (p[9], p[10], p[11]))
+        h0, h1 = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
+        h2 = table[c, SIZE + 2] + wide
+        r0, r1, r2, r3, r4, r5, r6, r7, r8 = p[:9]
+        px, py, pz = p[9], p[10], p[11]
+        for i in range(x.shape[0]):
+            ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+            dx = abs(r0 * ax + r3 * ay + r6 * az) - h0
+            dy = abs(r1 * ax + r4 * ay + r7 * az) - h1
+            dz = abs(r2 * ax + r5 * ay + r8 * az) - h2
+            outside = _larger(dx, _larger(dy, dz))
+            clear[i] = _smaller(clear[i], side * outside - (radius[i] + margin))
 
 
 @inlined
-def _clear_capsules(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+def _clear_capsules(table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
-    if present is not None:
-        for m in range(how_many(chosen, table)):
-            c = nth(chosen, m)
-            margin = margin_at(margins, c)
-            if table[c, KIND] != CAPSULE or c == skip:
-                continue
-            pose, side = poses[c], table[c, SIDE]
-            size, half = table[c, SIZE], table[c, SIZE + 1]
-            r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
-            px, py, pz = pose[9], pose[10], pose[11]
-            for i in range(x.shape[0]):
-                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-                lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
-                lz = r2 * ax + r5 * ay + r8 * az
-                lz = lz - _smaller(_larger(lz, -half), half)
-                limit = _square_limit(size, side, near_at(radius, i, margin))
-                clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
+    for m in range(chosen.shape[0]):
+        c = chosen[m]
+        margin = margins[c]
+        if table[c, KIND] != CAPSULE or c == skip:
+            continue
+        pose, side = poses[c], table[c, SIDE]
+        size, half = table[c, SIZE], table[c, SIZE + 1]
+        r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
+        px, py, pz = pose[9], pose[10], pose[11]
+        for i in range(x.shape[0]):
+            ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+            lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
+            lz = r2 * ax + r5 * ay + r8 * az
+            lz = lz - _smaller(_larger(lz, -half), half)
+            limit = _square_limit(size, side, radius[i] + margin)
+            clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
 
 
 @inlined
-def _clear_cylinders(present, table, poses, chosen, skip, radius, margins, x, y, z, clear):
+def _clear_cylinders(table, poses, chosen, skip, radius, margins, x, y, z, clear):
     widest_vectors()
-    if present is not None:
-        for m in range(how_many(chosen, table)):
-            c = nth(chosen, m)
-            margin = margin_at(margins, c)
-            if table[c, KIND] != CYLINDER or c == skip:
-                continue
-            pose, side = poses[c], table[c, SIDE]
-            wide = seam_width(table, c, (pose[9], pose[10], pose[11]))
-            size, half = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
-            r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
-            px, py, pz = pose[9], pose[10], pose[11]
-            for i in range(x.shape[0]):
-                ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-                lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
-                lz = r2 * ax + r5 * ay + r8 * az
-                r = near_at(radius, i, margin)
-                barrel = lx * lx + ly * ly - _square_limit(size, side, r)
-                outside = _larger(barrel, abs(lz) - (half + side * r) * (1.0 + side * MARGIN))
-                clear[i] = _smaller(clear[i], side * outside)
+    for m in range(chosen.shape[0]):
+        c = chosen[m]
+        margin = margins[c]
+        if table[c, KIND] != CYLINDER or c == skip:
+            continue
+        pose, side = poses[c], table[c, SIDE]
+        wide = seam_width(table, c, (pose[9], pose[10], pose[11]))
+        size, half = table[c, SIZE] + wide, table[c, SIZE + 1] + wide
+        r0, r1, r2, r3, r4, r5, r6, r7, r8 = pose[:9]
+        px, py, pz = pose[9], pose[10], pose[11]
+        for i in range(x.shape[0]):
+            ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
+            lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
+            lz = r2 * ax + r5 * ay + r8 * az
+            r = radius[i] + margin
+            barrel = lx * lx + ly * ly - _square_limit(size, side, r)
+            outside = _larger(barrel, abs(lz) - (half + side * r) * (1.0 + side * MARGIN))
+            clear[i] = _smaller(clear[i], side * outside)
 
 
 @inlined
@@ -332,7 +310,7 @@ def path_lengths(x, y, z, new, radius, lengths):
     widest_vectors()
     for i in range(x.shape[0]):
         dx, dy, dz = new[0, i] - x[i], new[1, i] - y[i], new[2, i] - z[i]
-        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius_at(radius, i)
+        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius[i]
 
 
 @inlined
@@ -343,20 +321,20 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, wide, margin
 
     Parameters
     ----------
-    grid : broad_phase.Grid or None
-        None in scenes of few colliders.
+    grid : broad_phase.Grid
+        Without cells in scenes of few colliders.
     present, table, poses
         As in shapes.signed_distance.
     end : int
         Row of poses at the end of the step.
     skip : int
         Collider that is left out, or NONE.
-    radius : (B,) float64 [m] or None
+    radius : (B,) float64 [m]
         Of the particles of the block; more where they may touch colliders further away.
-    wide : int or None
-        1 if it may be more.
-    margins : (C,) float64 [m] or None
-        With sweeps, how far each collider came.
+    wide : bool
+        Whether it may be more.
+    margins : (C,) float64 [m]
+        How far each collider came, with sweeps; else 0.
     x, y, z : (B,) float64 [m]
         Candidate positions.
     clear : (B,) float64
@@ -368,16 +346,11 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, wide, margin
 
     """
     which, all_chosen = choose_for_tile(grid, wide, radius, x, y, z, chosen)
-    _clear_planes(present.planes, table, poses[end], which, skip, radius, margins, x, y, z,
-                  clear)
-    _clear_spheres(present.spheres, table, poses[end], which, skip, radius, margins, x, y, z,
-                   clear)
-    _clear_boxes(present.boxes, table, poses[end], which, skip, radius, margins, x, y, z,
-                 clear)
-    _clear_capsules(present.capsules, table, poses[end], which, skip, radius, margins, x, y, z,
-                    clear)
-    _clear_cylinders(present.cylinders, table, poses[end], which, skip, radius, margins, x, y, z,
-                     clear)
+    _clear_planes(table, poses[end], which, skip, radius, margins, x, y, z, clear)
+    _clear_spheres(table, poses[end], which, skip, radius, margins, x, y, z, clear)
+    _clear_boxes(table, poses[end], which, skip, radius, margins, x, y, z, clear)
+    _clear_capsules(table, poses[end], which, skip, radius, margins, x, y, z, clear)
+    _clear_cylinders(table, poses[end], which, skip, radius, margins, x, y, z, clear)
     if not all_chosen:
         clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins, x, y, z,
                       clear, cells)

@@ -30,9 +30,10 @@ import numpy as np
 
 
 @kernel
-def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers, one):
+def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone, answers):
     """Whether particle i ends inside a collider that it approaches at the start of the step."""
-    here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], None, answers, one)
+    here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], everyone, answers,
+                everyone[:0])
     x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
     x1 = add_scaled(x0, rules.flight.dt, u)
     for c in range(table.shape[0]):
@@ -47,7 +48,7 @@ def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers, 
 
 @kernel
 def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced,
-                   ends, clear, cells, chosen, touching, answers, one):
+                   ends, clear, cells, chosen, touching, everyone, answers, margins):
     """List those of a block that touch a collider; how many there are, and how many bounce."""
     first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
     found, bouncing, dt, u = 0, 0, rules.flight.dt, candidates.u
@@ -60,14 +61,14 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
             zt[k] = x[2, a + k] + dt * u[2, a + k]
         clear_if_finite(xt, yt, zt, tile)
         clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
-                        radius[a:b], None, None, xt, yt, zt, tile, cells, chosen)
+                        radius[a:b], False, margins, xt, yt, zt, tile, cells, chosen)
         clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, 0, 0,
                         min(1, poses.shape[0] - 1), radius[a:b], x[0, a:b], x[1, a:b], x[2, a:b],
                         ends, tile, cells)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
-            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, answers,
-                               one)
+            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone,
+                               answers)
             bounced[first + found] = i if bounces else -1 - i
             found, bouncing = found + 1, bouncing + bounces
     return found, bouncing
@@ -95,7 +96,8 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
 
     """
     clear, cells, ends = in_lines(TILE), in_lines(TILE), np.empty((3, TILE))
-    answers, one = keep_answers(rules.present.meshes, table), np.zeros(1, dtype=np.int64)
+    answers, everyone = keep_answers(rules.present.meshes, table), np.arange(table.shape[0])
+    margins = np.zeros(table.shape[0])
     chosen, touching = np.empty(table.shape[0], dtype=np.int64), np.empty(BLOCK, dtype=np.int64)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
@@ -103,6 +105,6 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
     while block < counts.shape[0]:
         counts[block, 0], counts[block, 1] = _find_in_block(
             grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced, ends,
-            clear, cells, chosen, touching, answers, one)
+            clear, cells, chosen, touching, everyone, answers, margins)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -42,6 +42,7 @@ class Grid(NamedTuple):
     low, high (3,) [m]: corners; per_metre (3,) [1/m]: cells per length; counts (3,): cells along
     each axis; starts (cells + 1,) int64: first entry of a cell in items; items int64: colliders;
     others int64: colliders not in the grid.
+    Without a grid there are no cells, and all colliders are others (`no_grid`).
     """
 
     low: tuple
@@ -55,42 +56,20 @@ class Grid(NamedTuple):
 
 @inlined
 def radius_at(radius, i):
-    """Radius [m] of particle i; 0 where the particles are points (None)."""
-    if radius is not None:
-        return radius[i]
-    return 0.0
+    """Radius [m] of particle i; a single one is that of all."""
+    return radius[i] if radius.shape[0] > 1 else radius[0]
 
 
 @inlined
-def how_many(chosen, table):
-    """Count of the colliders that are chosen: entries of `chosen`, or all where that is None."""
-    if chosen is not None:
-        return chosen.shape[0]
-    return table.shape[0]
+def has_cells(grid):
+    """Whether there is a grid: without one all colliders are `others`."""
+    return grid.starts.shape[0] > 0
 
 
-@inlined
-def acted_on(only, chosen):
-    """Colliders to act on of those that are chosen: `only` these, if not None."""
-    if only is not None:
-        return only
-    return chosen
-
-
-@inlined
-def nth(chosen, m):
-    """Collider number m of those that are chosen."""
-    if chosen is not None:
-        return chosen[m]
-    return m
-
-
-@inlined
-def others_of(grid):
-    """Colliders that are not in the grid; None, for all, without one."""
-    if grid is not None:
-        return grid.others
-    return None
+def no_grid(count):
+    """Return the Grid of a scene of few colliders, which has no cells."""
+    nowhere, none = (0.0, 0.0, 0.0), np.empty(0, dtype=np.int64)
+    return Grid(nowhere, nowhere, nowhere, (0, 0, 0), none, none, np.arange(count))
 
 
 def in_grid(table):
@@ -121,10 +100,9 @@ def _bounds(which, table, poses, motion, reach, lows, highs):
     for m in range(which.shape[0]):
         c = which[m]
         kind, turns = int(table[c, KIND]), False
-        if motion is not None:
-            for s in range(motion.shape[0]):
-                for i in range(TURN, TURN + 3):
-                    turns = turns or motion[s, c, i] != 0.0
+        for s in range(motion.shape[0]):
+            for i in range(TURN, TURN + 3):
+                turns = turns or motion[s, c, i] != 0.0
         for i in range(3):
             lows[c, i], highs[c, i] = inf, -inf
             for s in range(poses.shape[0]):
@@ -138,15 +116,14 @@ def _bounds(which, table, poses, motion, reach, lows, highs):
 def most_move(motion, step, table):
     """Most that the surface of a collider moves in a step [m]; infinite where a plane turns."""
     most = 0.0
-    if motion is not None:
-        for c in range(table.shape[0]):
-            k, t = SHIFT, TURN
-            shift = (motion[step, c, k], motion[step, c, k + 1], motion[step, c, k + 2])
-            turn = (motion[step, c, t], motion[step, c, t + 1], motion[step, c, t + 2])
-            size = table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
-            size = inf if table[c, KIND] == PLANE else size
-            angle = length(turn)
-            most = max(most, length(shift) + (angle * size if angle > 0.0 else 0.0))
+    for c in range(table.shape[0]):
+        k, t = SHIFT, TURN
+        shift = (motion[step, c, k], motion[step, c, k + 1], motion[step, c, k + 2])
+        turn = (motion[step, c, t], motion[step, c, t + 1], motion[step, c, t + 2])
+        size = table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2]
+        size = inf if table[c, KIND] == PLANE else size
+        angle = length(turn)
+        most = max(most, length(shift) + (angle * size if angle > 0.0 else 0.0))
     return most
 
 
@@ -193,8 +170,8 @@ def make_grid(which, table, poses, motion, reach):
         The colliders.
     poses : (S + 1, C, 12) float64
         Of all steps that the grid is for.
-    motion : (S, C, motion.MOTION) float64 or None
-        How the colliders move.
+    motion : (S, C, motion.MOTION) float64
+        How the colliders move; without rows where none does.
     reach : float [m]
         Largest radius of a particle.
 

@@ -50,10 +50,13 @@ def make_candidates(count):
     return Candidates(np.empty((3, count)), np.empty((3, count)), np.zeros(count, dtype=np.int8))
 
 
+NOBODY = make_candidates(0)     # where springs and pairs change nothing
+
+
 @inlined
 def is_settled(candidates, i):
     """Whether pairs have answered the collisions of particle i, with those of its colliders."""
-    if candidates is not None:
+    if candidates.settled.shape[0] > 0:
         return candidates.settled[i] != 0
     return False
 
@@ -88,12 +91,10 @@ def fly_freely(flight, v, ledger, block_size, candidates):
 
 @inlined
 def is_lean(candidates, ledger, quadratic):
-    """1 if candidates need no velocities: free flights, no quadratic drag, nobody books them."""
-    if candidates is None:
-        if ledger is None:
-            if quadratic is None:
-                return 1
-    return None
+    """Whether candidates need no velocities: free flights, no quadratic drag, not booked."""
+    if ledger is not None:
+        return False
+    return candidates.settled.shape[0] == 0 and quadratic[0] == 0.0
 
 
 @inlined
@@ -103,8 +104,8 @@ def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, n
 
     Parameters
     ----------
-    candidates : Candidates or None
-        None for free flights.
+    candidates : Candidates
+        Of no particle for free flights.
     ledger : ledger.Ledger or None
         Where free flights are booked; candidates have been before.
     flight, x, y, z, vx, vy, vz, new, factor
@@ -113,7 +114,7 @@ def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, n
         Which one, and the index of its first particle.
 
     """
-    if candidates is not None:
+    if candidates.settled.shape[0] > 0:
         u, w = candidates.u, candidates.w
         for i in range(x.shape[0]):
             k = first + i
@@ -129,7 +130,7 @@ def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, n
 @inlined
 def candidate_of(candidates, flight, i, v):
     """Mean and end velocity of particle i with velocity v at the start of the step."""
-    if candidates is not None:
+    if candidates.settled.shape[0] > 0:
         return ((candidates.u[0, i], candidates.u[1, i], candidates.u[2, i]),
                 (candidates.w[0, i], candidates.w[1, i], candidates.w[2, i]))
     return fly(flight, v)
@@ -157,7 +158,7 @@ def fly_anew(candidates, ledger, here, flight, v, after, u, w):
 
     """
     u_new, w_new = fly(flight, after)
-    if candidates is not None:
+    if candidates.settled.shape[0] > 0:
         u_old, w_old = fly(flight, v)
         du, dw = subtract(u, u_old), subtract(w, w_old)
         book_flight(ledger, here, flight.dt, v, u_old, w_old, -1.0)
@@ -176,7 +177,7 @@ def book_candidates(ledger, block_size, dt, before, after):
 
     Parameters
     ----------
-    ledger : ledger.Ledger
+    ledger : ledger.Ledger or None
         Written.
     block_size : int
         Particles to a row of the ledger.

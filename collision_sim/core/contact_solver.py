@@ -210,13 +210,13 @@ def colour_contacts(work, pile):
 @inlined
 def slide(dry, wet, laws, law, relative, n, mass, impulse, pressing):
     """Impulse of friction that a normal impulse causes, for a slip that holds its own so far."""
-    if dry is None and wet is None:
+    if not (dry or wet):
         return (0.0, 0.0, 0.0)
     along = add_scaled(impulse, -dot(impulse, n), n)
     slip = add_scaled(relative, -dot(relative, n), n)
     slip = add_scaled(slip, -1.0 / mass, along)
-    factor = (dry_factor(dry, laws, law, length(slip), pressing / mass)
-              * wet_factor(wet, laws, law, pressing / mass))
+    factor = (dry_factor(laws, law, length(slip), pressing / mass)
+              * wet_factor(laws, law, pressing / mass))
     return scaled(mass * (factor - 1.0), slip)
 
 
@@ -261,7 +261,7 @@ def _visit(pushes, dry, wet, laws, pile, first, last, beyond):
     energy, fastest = 0.0, 0.0
     for k in range(first, last):
         c = pile.order[k]
-        if pushes is not None:
+        if pushes:
             change = _push_apart(pile, c, beyond)
         else:
             change = _press(dry, wet, laws, pile, c, beyond)
@@ -339,7 +339,7 @@ def solve(pushes, work, phase, dry, wet, laws, pile):
         First one that is free then.
 
     """
-    which, row = (ENDING, 0) if pushes is None else (MEAN, work.sweeps)
+    which, row = (ENDING, 0) if not pushes else (MEAN, work.sweeps)
     before, pace, beyond, enough = 0.0, 1.0, 0.0, 0.0
     for k in range(work.sweeps):
         phase = _sweep(pushes, work, phase, row + k, dry, wet, laws, pile, beyond)

@@ -20,7 +20,6 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 (`survey_path`). What was only reached by rounding does not count.
 """
 
-from collision_sim.core.broad_phase import acted_on, how_many, nth
 from collision_sim.core.faces import (crossed_face, face_below, face_towards, goes_through,
                                       height_over, is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
@@ -61,7 +60,9 @@ def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
             return mesh_end(meshes, here.answers, table, poses, here.start, here.end, c,
                             here.radius, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
-    return _end_at_faces(rules.present.faced, rules, here, table, poses, motion, c, x0, x1, phi, n)
+    if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
+        return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
+    return phi - here.radius, n
 
 
 @inlined
@@ -72,15 +73,6 @@ def end_gap(meshes, rules, here, table, poses, motion, c, reach, x0, x1):
         if table[c, KIND] == MESH and not gap < 0.0:
             return mesh_gap(meshes, table, poses, here.start, here.end, c, here.radius, reach, x1)
     return gap, n
-
-
-@inlined
-def _end_at_faces(faced, rules, here, table, poses, motion, c, x0, x1, phi, n):
-    """Height and normal as `end_distance`, for the distance of the centre and the normal there."""
-    if faced is not None:
-        if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
-            return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
-    return phi - here.radius, n
 
 
 @kernel
@@ -122,8 +114,8 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, c,
                                      here.radius, x0, dx)
     if tau <= 1.0:
-        covered, later, n_later = _hit_when_covered(rules.present.faced, rules, here, table, poses,
-                                                    motion, c, x0, x1, tau, n, arm, axis, angle)
+        covered, later, n_later = _hit_when_covered(rules, here, table, poses, motion, c, x0, x1,
+                                                    tau, n, arm, axis, angle)
         if covered:
             return later, n_later, add_scaled(start, later, move), decided
     if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,
@@ -133,19 +125,16 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
 
 
 @inlined
-def _hit_when_covered(faced, rules, here, table, poses, motion, c, x0, x1, tau, n, arm, axis,
-                      angle):
+def _hit_when_covered(rules, here, table, poses, motion, c, x0, x1, tau, n, arm, axis, angle):
     """Whether a face is covered where it is hit, and the time and the normal of the hit then."""
-    if faced is not None:
-        if has_faces(table, c):
-            q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
-            m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
-            face = face_towards(table, c, m)
-            if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False,
-                          False) and (
-                    not goes_through(table, poses, here, c, face, x0, x1)):
-                later, n_later = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
-                return True, later, n_later
+    if has_faces(table, c):
+        q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
+        m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
+        face = face_towards(table, c, m)
+        if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False, False) and (
+                not goes_through(table, poses, here, c, face, x0, x1)):
+            later, n_later = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
+            return True, later, n_later
     return False, tau, n
 
 
@@ -166,15 +155,8 @@ def _start_depth(meshes, rules, here, table, poses, motion, c, x0):
     if meshes is not None:
         if table[c, KIND] == MESH:
             return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
-    return _depth_at_faces(rules.present.faced, rules, here, table, poses, motion, c, x0)
-
-
-@inlined
-def _depth_at_faces(faced, rules, here, table, poses, motion, c, x0):
-    """Depth as `_start_depth`, but in meshes."""
-    if faced is not None:
-        if has_faces(table, c):
-            return _depth_in_faces(rules, here, table, poses, motion, c, x0)
+    if has_faces(table, c):
+        return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
@@ -222,8 +204,8 @@ def deepest(rules, here, table, poses, motion, x0, x1):
 
     """
     c, phi, n, blur = NONE, 0.0, (0.0, 0.0, 1.0), 0.0
-    for m in range(how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(here.chosen.shape[0]):
+        k = here.chosen[m]
         phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                   x1)
         if phi_k < 0.0:
@@ -261,7 +243,7 @@ def _rounding_speed(second, here, table, poses, c, x0, v0, u, obj):
 @inlined
 def start_approach(checks, v0, obj, n, rounding):
     """Give the normal velocity of a collision on v0; 0 without that stage."""
-    if checks is not None:
+    if checks:
         v_n = approach(v0, obj, n)
         return v_n if v_n < -rounding else 0.0
     return 0.0
@@ -396,8 +378,11 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
     hit_blur, press_blur, hit_near, press_near = 0.0, 0.0, False, False
-    for m in range(how_many(acted_on(here.only, here.chosen), table)):
-        k = nth(acted_on(here.only, here.chosen), m)
+    chosen = here.chosen
+    if here.only.shape[0] > 0:
+        chosen = here.only
+    for m in range(chosen.shape[0]):
+        k = chosen[m]
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
@@ -433,8 +418,11 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
     hit, deep, hit_blur = NOTHING, 0.0, 0.0
-    for m in range(how_many(acted_on(here.only, here.chosen), table)):
-        k = nth(acted_on(here.only, here.chosen), m)
+    chosen = here.chosen
+    if here.only.shape[0] > 0:
+        chosen = here.only
+    for m in range(chosen.shape[0]):
+        k = chosen[m]
         phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         blur = rounding_depth(here, table, poses, k, x0)
         if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
@@ -472,11 +460,10 @@ def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n
 
 
 @inlined
-def _hit_along_seam(faced, rules, here, table, poses, motion, k, x0, x1, tau, n):
+def _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n):
     """Time and normal of the hit of a particle that goes down along a seam."""
-    if faced is not None:
-        if has_faces(table, k):
-            return _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
+    if has_faces(table, k):
+        return _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
     return tau, n
 
 
@@ -504,7 +491,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
         if face != NONE:
             phi = min(phi, height_over(table, poses, here.end, k, face, x1)[0] - here.radius)
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-        if phi < 0.0 or start_approach(1, v0, obj, n, _rounding_speed(
+        if phi < 0.0 or start_approach(True, v0, obj, n, _rounding_speed(
                 rules.second, here, table, poses, k, x0, v0, u, obj)) == 0.0:
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
     if _only_bulges(rules.second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
@@ -512,8 +499,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
                                     x1)
     if tau > 1.0 and phi < 0.0:
-        tau, n = _hit_along_seam(rules.present.faced, rules, here, table, poses, motion, k, x0, x1,
-                                 tau, n)
+        tau, n = _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n)
     accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         face = face_below(table, poses, here.start, k, x0, n)
@@ -563,8 +549,11 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
     hit_near, press_near = False, False
-    for m in range(how_many(acted_on(here.only, here.chosen), table)):
-        k = nth(acted_on(here.only, here.chosen), m)
+    chosen = here.chosen
+    if here.only.shape[0] > 0:
+        chosen = here.only
+    for m in range(chosen.shape[0]):
+        k = chosen[m]
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
@@ -601,8 +590,11 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
 def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
     """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
     hit, first, deep, hit_blur = NOTHING, NEVER, 0.0, 0.0
-    for m in range(how_many(acted_on(here.only, here.chosen), table)):
-        k = nth(acted_on(here.only, here.chosen), m)
+    chosen = here.chosen
+    if here.only.shape[0] > 0:
+        chosen = here.only
+    for m in range(chosen.shape[0]):
+        k = chosen[m]
         if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
             continue
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,
@@ -673,8 +665,8 @@ def foremost(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, 
     _, tau, phi = _meeting(sweep, rules, here, table, poses, motion, accounts, touch.collider, x0,
                            x1, v0, u, touch.hit)
     blur = rounding_depth(here, table, poses, touch.collider, x0)
-    for m in range(how_many(here.chosen, table)):
-        other = _tied(sweep, rules, here, table, poses, motion, accounts, nth(here.chosen, m),
+    for m in range(here.chosen.shape[0]):
+        other = _tied(sweep, rules, here, table, poses, motion, accounts, here.chosen[m],
                       touch, tau, phi, blur, x0, x1, v0, u)
         if other.collider != NONE and is_before(table, poses, here.end, other, first, v):
             first = other
@@ -718,8 +710,8 @@ def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, 
         From which one on to look for more.
 
     """
-    for m in range(first, how_many(here.chosen, table)):
-        k = nth(here.chosen, m)
+    for m in range(first, here.chosen.shape[0]):
+        k = here.chosen[m]
         if k == touch.collider:
             continue
         other = _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tied[0],
@@ -728,7 +720,7 @@ def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, 
             cosine = dot(touch.normal, other.normal)
             if 1.0 - cosine * cosine >= PARALLEL:
                 return other, m + 1
-    return NOTHING, how_many(here.chosen, table)
+    return NOTHING, here.chosen.shape[0]
 
 
 @kernel
@@ -797,8 +789,8 @@ def blocker(sweep, rules, here, table, poses, motion, x0, x1):
     blocking, first, normal = NONE, NEVER, (0.0, 0.0, 1.0)
     if sweep is not None:
         dx = subtract(x1, x0)
-        for m in range(how_many(here.chosen, table)):
-            k = nth(here.chosen, m)
+        for m in range(here.chosen.shape[0]):
+            k = here.chosen[m]
             if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
                 continue
             tau, n, arm, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k,

@@ -46,7 +46,7 @@ def _decay_rate(linear, wet, coefficient, normal):
     k = 0.0
     if linear is not None:
         k = linear
-    if wet is not None:
+    if wet:
         k += coefficient * normal
     return k
 

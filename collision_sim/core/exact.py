@@ -35,7 +35,8 @@ is left to a rule:
 
 from math import inf
 
-from collision_sim.core.blocks import radius_at
+from collision_sim.core.broad_phase import radius_at
+from collision_sim.core.candidates import Candidates
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.events import next_event
 from collision_sim.core.exact_ledger import book_friction, book_path
@@ -49,6 +50,7 @@ from collision_sim.core.ledger import (book, book_collision, book_flight, book_i
 from collision_sim.core.meeting import (BALANCED, facing, gather, least_push, MET, NEED,
                                         normal_forces, SPEED, square_up, surface_of, surfaces_of,
                                         turn_round, ZERO)
+from collision_sim.core.mesh_way import ANSWERS
 from collision_sim.core.paths import state_at
 from collision_sim.core.placing import freeze, note_unplaced, push_out
 from collision_sim.core.response import resolve
@@ -75,8 +77,8 @@ NEAR = 1e4              # times the touching depth: surfaces among which a parti
 
 @inlined
 def record(log, accounts, here, c, state, point, n, dv):
-    """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
-    if log is not None:
+    """Log a contact, or add to that of the same particle and collider; nothing without room."""
+    if log.shape[1] > 0:
         b, row = here.block, accounts[here.block, N_LOGGED]
         for k in range(row - 1, -1, -1):
             if log[b, k, 0] != here.particle:
@@ -203,8 +205,8 @@ def _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met
             c, dv_n = s // FACES, parts[k]
             obj = material_velocity(courses, poses, here, c, t, x)
             slip = scaled(dot(subtract(v, obj), edge), edge)
-            factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)
-                      * wet_factor(rules.wet, table, c, dv_n))
+            factor = (dry_factor(table, c, length(slip), dv_n)
+                      * wet_factor(table, c, dv_n))
             w = add_scaled(v, dv_n, n)
             v = add_scaled(w, factor - 1.0, slip)
             dv = subtract(v, u)
@@ -522,7 +524,7 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, met, lo
 
 @inlined
 def _step_particle(rules, forces, here, table, poses, motion, courses, work, met, log, accounts,
-                   notes, ledger, duration, x0, v0):
+                   notes, ledger, nobody, duration, x0, v0):
     """Take one particle through a step; place and velocity."""
     u, w = fly(rules.flight, v0)
     if not is_finite(add_scaled(x0, duration, u), w):
@@ -530,7 +532,8 @@ def _step_particle(rules, forces, here, table, poses, motion, courses, work, met
     here = _spot(here, forces, duration, v0)
     if _is_inside(rules, here, table, poses, courses, 0.0, x0):
         _book_candidate(ledger, rules, here, v0)
-        x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger)
+        x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
+                         nobody)
     else:
         x1, v1 = go_through(rules, forces, here, table, poses, motion, courses, work, met, log,
                             accounts, notes, ledger, duration, x0, v0)
@@ -558,7 +561,9 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
 
     """
     work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 6, MET))
-    rows = poses.shape[0] - 1
+    everyone, answers = np.arange(table.shape[0]), np.empty((0, ANSWERS))
+    nobody = Candidates(np.empty((3, 0)), np.empty((3, 0)), np.empty(0, dtype=np.int8))
+    rows, turns = poses.shape[0] - 1, motion.shape[0] - 1
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
@@ -567,11 +572,12 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                here = Spot(step, start, end, block, i, radius_at(radius, i), None, None, None,
-                            0.0)
+                here = Spot(min(step, turns), start, end, block, i, radius_at(radius, i), everyone,
+                            answers, everyone[:0], 0.0)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
                 x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
-                                        met, log, accounts, notes, ledger, duration, x0, v0)
+                                        met, log, accounts, notes, ledger, nobody, duration, x0,
+                                        v0)
                 x[0, i], x[1, i], x[2, i] = x1
                 v[0, i], v[1, i], v[2, i] = v1
         block = fetch_add(counters, CLAIMED, 1)

@@ -24,9 +24,9 @@ from math import sqrt
 
 from collision_sim.core.courses import frame_acceleration, material_velocity
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.ledger import (book, book_impulse, book_loss, CONTACT, DRAG, DRAG_IMPULSE,
-                                       DRY_LOSS, dry_share, FLIGHT, GRAVITY, GRAVITY_IMPULSE,
-                                       kinetic, RESTITUTED, weight_of, WET_LOSS)
+from collision_sim.core.ledger import (book, book_impulse, book_loss, CONTACT, DRAG,
+                                       DRAG_IMPULSE, DRY_LOSS, dry_share, FLIGHT, GRAVITY,
+                                       GRAVITY_IMPULSE, kinetic, RESTITUTED, weight_of, WET_LOSS)
 from collision_sim.core.meeting import ZERO
 from collision_sim.core.paths import state_at
 from collision_sim.core.rules import NONE

@@ -87,9 +87,9 @@ def _drag_rate(linear):
 def _grip(dry, wet, table, c, normal):
     """Give the forces of dry and of wet friction for a normal force: [m/s^2], [1/s]."""
     hold, rate = 0.0, 0.0
-    if dry is not None:
+    if dry:
         hold = table[c, KINETIC] * normal
-    if wet is not None:
+    if wet:
         rate = table[c, WET] * normal
     return hold, rate
 

@@ -30,7 +30,6 @@ by the other shapes; where several colliders touch it, detection.py tells which 
 
 from math import sqrt
 
-from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.motion import chord_velocity
 from collision_sim.core.rules import NONE, ROUNDING
@@ -225,8 +224,8 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
     p = drawn_in(table, c, face, q, 2.0 * margin)
     n = face_at(table, c, face, p)[1]
     probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
-    for m in range(table.shape[0] if far else how_many(here.chosen, table)):
-        k, depth = (m if far else nth(here.chosen, m)), 0.0
+    for m in range(table.shape[0] if far else here.chosen.shape[0]):
+        k, depth = (m if far else here.chosen[m]), 0.0
         if k != c:
             depth = -_distance_at(rules, table, poses, motion, here, k, tau, probe)
         if depth >= 0.5 * margin:

@@ -23,7 +23,7 @@ by its closed form, which never overshoots.
 """
 
 from math import exp, expm1, sqrt
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.vectors import dot
@@ -32,17 +32,17 @@ import numpy as np
 
 class Flight(NamedTuple):
     """
-    Coefficients of one step; what the scene does not have is None.
+    Coefficients of one step.
 
-    dt [s]; end_shift, mean_shift (3,) [m/s]; gains (2,) [-] of the end and the mean velocity, None
-    without linear drag; quadratic (4,): dt c / 2 [s/m] and the wind [m/s], None without.
+    dt [s]; end_shift, mean_shift (3,) [m/s]; gains (2,) [-] of the end and the mean velocity, 1
+    without linear drag; quadratic (4,): dt c / 2 [s/m], 0 without, and the wind [m/s].
     """
 
     dt: float
     end_shift: tuple
     mean_shift: tuple
-    gains: Optional[tuple]
-    quadratic: Optional[tuple]
+    gains: tuple = (1.0, 1.0)
+    quadratic: tuple = (0.0, 0.0, 0.0, 0.0)
 
 
 def decay(z):
@@ -107,9 +107,9 @@ def flight_coefficients(gravity, drag, dt, flight):
         mean = g * (dt * e2) + wind * (k * dt * e2)
     if flight == 'symplectic_euler':
         e1, mean = e0, end
-    gains = (e0, e1) if k > 0.0 else None
-    quadratic = (0.5 * dt * drag.quadratic, *drag.wind) if drag and drag.quadratic else None
-    return Flight(float(dt), tuple(end.tolist()), tuple(mean.tolist()), gains, quadratic)
+    c = 0.5 * dt * drag.quadratic if drag else 0.0
+    return Flight(float(dt), tuple(end.tolist()), tuple(mean.tolist()), (float(e0), float(e1)),
+                  (float(c), *wind.tolist()))
 
 
 @formula
@@ -135,16 +135,14 @@ def quadratic_factor(speed, half_step):
 
 @inlined
 def affine(gains, which, velocity, shift):
-    """Gain times velocity plus shift; without gains just the sum."""
-    if gains is not None:
-        return gains[which] * velocity + shift
-    return velocity + shift
+    """Gain times velocity plus shift."""
+    return gains[which] * velocity + shift
 
 
 @kernel
 def slowed(quadratic, v):
     """Velocity after half a step of quadratic drag, if there is any."""
-    if quadratic is not None:
+    if quadratic[0] > 0.0:
         wind = (quadratic[1], quadratic[2], quadratic[3])
         u = (v[0] - wind[0], v[1] - wind[1], v[2] - wind[2])
         f = quadratic_factor(sqrt(dot(u, u)), quadratic[0])

@@ -28,24 +28,23 @@ from collision_sim.core.vectors import add, add_scaled, cross, dot, length, scal
 
 
 @inlined
-def dry_factor(dry, table, c, speed, dv_n):
+def dry_factor(table, c, speed, dv_n):
     """Factor of dry friction on a tangential velocity; 1 where there is none."""
-    if dry is not None:
-        if table[c, STATIC] * dv_n > 0.0:
-            return dry_friction(speed, dv_n, table[c, STATIC], table[c, KINETIC])
+    if table[c, STATIC] * dv_n > 0.0:
+        return dry_friction(speed, dv_n, table[c, STATIC], table[c, KINETIC])
     return 1.0
 
 
 @inlined
-def wet_factor(wet, table, c, dv_n):
+def wet_factor(table, c, dv_n):
     """Factor of wet friction on a tangential velocity; 1 where there is none."""
-    if wet is not None:
-        if table[c, WET_FORM] == EXPONENTIAL:
-            return wet_friction_exponential(table[c, WET], dv_n)
-        if table[c, WET_FORM] == CAPPED:
-            return wet_friction_capped(table[c, WET], dv_n)
-        return wet_friction_linear(table[c, WET], dv_n)
-    return 1.0
+    if table[c, WET] == 0.0:
+        return 1.0
+    if table[c, WET_FORM] == EXPONENTIAL:
+        return wet_friction_exponential(table[c, WET], dv_n)
+    if table[c, WET_FORM] == CAPPED:
+        return wet_friction_capped(table[c, WET], dv_n)
+    return wet_friction_linear(table[c, WET], dv_n)
 
 
 @inlined
@@ -70,7 +69,7 @@ def respond(rules, table, c, v, obj, n, v_n, dv_n):
 
     """
     tangential = slip_of(v, obj, n)
-    return respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, length(tangential))
+    return respond_to_slip(1, table, c, v, obj, n, v_n, dv_n, tangential, length(tangential))
 
 
 @inlined
@@ -81,10 +80,15 @@ def slip_of(v, obj, n):
 
 
 @inlined
-def respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, tangential, speed):
-    """Velocity after a change dv_n, as `respond`, for a tangential velocity of known size."""
-    factor = (dry_factor(rules.dry, table, c, speed, dv_n)
-              * wet_factor(rules.wet, table, c, dv_n))
+def respond_to_slip(wet, table, c, v, obj, n, v_n, dv_n, tangential, speed):
+    """
+    Velocity after a change dv_n, as `respond`, for a tangential velocity of known size.
+
+    With wet None it is known that there is no wet friction: vector loops need no exponential then.
+    """
+    factor = dry_factor(table, c, speed, dv_n)
+    if wet is not None:
+        factor *= wet_factor(table, c, dv_n)
     if factor == 0.0:
         return add_scaled(obj, v_n + dv_n, n), True
     after = add_scaled(v, dv_n, n)
@@ -163,8 +167,8 @@ def joint_law(rules, table, c1, n1, obj1, c2, n2, obj2, v):
     after = add_scaled(add_scaled(v, a, n1), b, n2)
     for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
         relative = subtract(after, obj)
-        factor = (dry_factor(rules.dry, table, c, length(relative), dv_n)
-                  * wet_factor(rules.wet, table, c, dv_n))
+        factor = (dry_factor(table, c, length(relative), dv_n)
+                  * wet_factor(table, c, dv_n))
         after = add_scaled(after, factor - 1.0, relative)
     return after
 
@@ -224,8 +228,8 @@ def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
         after = between(after, n1, obj1, n2, obj2, target)
     for c, obj, dv_n in ((c1, obj1, a), (c2, obj2, b)):
         slip = along_both(subtract(after, obj), n1, n2)
-        factor = (dry_factor(rules.dry, table, c, length(slip), dv_n)
-                  * wet_factor(rules.wet, table, c, dv_n))
+        factor = (dry_factor(table, c, length(slip), dv_n)
+                  * wet_factor(table, c, dv_n))
         after = add_scaled(after, factor - 1.0, slip)
     return after, a, b
 

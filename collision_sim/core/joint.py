@@ -401,7 +401,7 @@ def _sum_up(pile, first, count):
 @inlined
 def _is_done(dry, wet, change, before, speed):
     """Whether friction has found its impulses, for the changes of two turns and a speed."""
-    if dry is None and wet is None:
+    if not (dry or wet):
         return True
     return not change > SETTLED * speed or (
         max(before, change) <= NEARLY * speed and change >= 0.5 * before)
@@ -412,10 +412,10 @@ def _rubs(dry, wet, laws, pile, first, count):
     """Whether there is friction in a group of contacts: coefficients of zero change no bit."""
     for k in range(count):
         row = pile.ends[pile.member[first + k], LAW_ROW]
-        if dry is not None:
+        if dry:
             if laws[row, STATIC] > 0.0:
                 return True
-        if wet is not None:
+        if wet:
             if laws[row, WET] > 0.0:
                 return True
     return False

@@ -30,7 +30,7 @@ shift that it causes: together they are exact on planes, for friction too.
 """
 
 from math import nan
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.core.impulses import dry_factor, two_parts, wet_factor
 from collision_sim.core.jit import inlined, kernel
@@ -52,12 +52,12 @@ class Ledger(NamedTuple):
     """
     What the kernels book with.
 
-    rows (blocks, columns): written; weight (N,) or None: mass of each particle, None for 1;
+    rows (blocks, columns): written; weight (N,) or (1,): mass of each particle, or of all;
     gravity [m/s^2]; drags: whether there is drag; euler: whether the flight is symplectic Euler.
     """
 
     rows: np.ndarray
-    weight: Optional[np.ndarray]
+    weight: np.ndarray
     gravity: tuple
     drags: bool
     euler: bool
@@ -70,10 +70,8 @@ def columns(colliders):
 
 @kernel
 def weight_of(weight, i):
-    """Mass [kg] that is booked for particle i; 1 where masses are not given (None)."""
-    if weight is not None:
-        return weight[i]
-    return 1.0
+    """Mass [kg] that is booked for particle i; a single one is that of all."""
+    return weight[i] if weight.shape[0] > 1 else weight[0]
 
 
 @inlined
@@ -168,8 +166,8 @@ def book_flights(ledger, dt, block, first, x, y, z, vx, vy, vz, new):
 @inlined
 def dry_share(rules, table, c, speed, dv_n):
     """Share of dry friction in the loss of a slip [m/s] to both kinds; NaN without loss."""
-    dry = dry_factor(rules.dry, table, c, speed, dv_n)
-    wet = wet_factor(rules.wet, table, c, dv_n)
+    dry = dry_factor(table, c, speed, dv_n)
+    wet = wet_factor(table, c, dv_n)
     lost = 1.0 - dry * dry * wet * wet
     return (1.0 - dry * dry) / lost if lost != 0.0 else nan
 

@@ -22,7 +22,6 @@ the cells of the grid, then the tree.
 
 from math import inf
 
-from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, select,
                                     widest_vectors, WORD)
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
@@ -48,7 +47,7 @@ def _near_along(k, heads, m, poses, start, end, c, radius, margin, x, y, z, x1, 
     for i in range(x.shape[0]):
         a = a0 * x[i] + a1 * y[i] + a2 * z[i] - a3
         b = b0 * x1[i] + b1 * y1[i] + b2 * z1[i] - b3
-        r = radius_at(radius, i)
+        r = radius[i]
         least, most = select(a < b, a, b) - r, select(a > b, a, b) + r
         gap = select(least - high > low - most, least - high, low - most)
         near[i] = select(gap > 0.0, gap, near[i])
@@ -123,7 +122,7 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
                     arm = subtract(x0, origin(poses, start, c))
                     sagitta = _sagitta(sweep, motion, step, c, arm, subtract(x1, x0))
                 if _touches(meshes, m, side, to_frame(poses, start, c, x0),
-                            to_frame(poses, end, c, x1), radius_at(radius, i), skin, sagitta):
+                            to_frame(poses, end, c, x1), radius[i], skin, sagitta):
                     clear[i] = -1.0
 
 

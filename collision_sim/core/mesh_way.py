@@ -55,10 +55,10 @@ class Way(NamedTuple):
 
 @law
 def keep_answers(meshes, table):
-    """Give room for the last answers of each collider; None where there are no meshes."""
+    """Return room for the last answers of each collider; none where there are no meshes."""
     if meshes is not None:
         return np.full((table.shape[0], ANSWERS), np.nan)
-    return None
+    return np.empty((0, ANSWERS))
 
 
 @inlined
@@ -82,7 +82,7 @@ def _kept(answers, c, k):
 @inlined
 def is_within(answers, meshes, c, m, p):
     """Whether a point is inside closed mesh m, that of collider c."""
-    if answers is not None:
+    if answers.shape[0] > 0:
         if not _is_at(answers, c, PLACE, p):
             _keep(answers, c, PLACE, p)
             answers[c, INSIDE] = 1.0 if is_inside(meshes, m, p) else 0.0
@@ -97,8 +97,8 @@ def follow(answers, meshes, c, m, side, a, b, radius, skin):
 
     Parameters
     ----------
-    answers : (C, ANSWERS) float64 or None
-        Of `keep_answers`; written.
+    answers : (C, ANSWERS) float64
+        Of `keep_answers`; written. Without rows nobody keeps them.
     meshes, m, side, a, b, radius, skin
         As in mesh_path.meet.
     c : int
@@ -109,7 +109,7 @@ def follow(answers, meshes, c, m, side, a, b, radius, skin):
     Way
 
     """
-    if answers is not None:
+    if answers.shape[0] > 0:
         if not (_is_at(answers, c, FROM, a) and _is_at(answers, c, TO, b)
                 and answers[c, SIZES] == radius and answers[c, SIZES + 1] == skin):
             _keep(answers, c, FROM, a)

@@ -28,7 +28,7 @@ from collision_sim.core.vectors import add, cross, dot, origin, subtract
 import numpy as np
 
 POSE, TWIST, SCRIPT = 12, 6, 10         # row lengths of the tables
-# Columns of the motion table (S, C, MOTION), which is None where no collider moves:
+# Columns of the motion table (S, C, MOTION), one row of zeros where no collider moves:
 # R(t+dt) R(t)^T - 1 in row order, shift of the position [m], twists at both ends of a step, the
 # change of the twist since the step before where these are estimated from the poses (else 0), and
 # the turn of the step, axis times angle [rad].

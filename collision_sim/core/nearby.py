@@ -20,9 +20,9 @@ Where a tile is near a few colliders of the grid, its particles are tested again
 """
 
 from math import inf
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
-from collision_sim.core.broad_phase import cell_along, Grid, MOST_CELLS, radius_at
+from collision_sim.core.broad_phase import cell_along, Grid, has_cells, MOST_CELLS
 from collision_sim.core.jit import (inlined, kernel, not_clear, number_of, ordered, select,
                                     widest_vectors, WORD)
 from collision_sim.core.rules import Here
@@ -40,11 +40,11 @@ class Around(NamedTuple):
     """
     What the colliders around one particle are chosen from.
 
-    grid: over all colliders, or None; move [m]: the most that the surface of a collider moves in
+    grid: over all colliders; move [m]: the most that the surface of a collider moves in
     this step; chosen (C,) int64: where the indices of the chosen ones are written.
     """
 
-    grid: Optional[Grid]
+    grid: Grid
     move: float
     chosen: np.ndarray
 
@@ -80,15 +80,8 @@ def _clear_in_cell(grid, cell, present, table, poses, end, skip, near, margins, 
         if c != skip:
             phi = signed_distance(present, table, poses, end, c, (x, y, z))[0]
             wide = seam_width(table, c, origin(poses, end, c))
-            clear = min(clear, phi - wide - near - _margin_at(margins, c))
+            clear = min(clear, phi - wide - near - margins[c])
     return clear
-
-
-@inlined
-def _margin_at(margins, c):
-    if margins is not None:
-        return margins[c]
-    return 0.0
 
 
 @kernel
@@ -136,8 +129,8 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins,
 
     Parameters
     ----------
-    grid : Grid or None
-        None where there is none.
+    grid : Grid
+        Without cells where there is none.
     present, table, poses
         As in shapes.signed_distance.
     end : int
@@ -150,10 +143,10 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins,
         Scratch, as long as WORD divides.
 
     """
-    if grid is not None:
-        if wide is not None:
+    if has_cells(grid):
+        if wide:
             for i in range(x.shape[0]):
-                near = radius_at(radius, i)
+                near = radius[i]
                 if clear[i] >= 0.0:
                     clear[i] = min(clear[i], _clear_on_way(
                         grid, present, table, poses, end, skip, near, near, margins, x[i], y[i],
@@ -166,8 +159,8 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins,
                         if marks[i] < 0.0 and clear[i] >= 0.0:
                             cell = _cell_of(grid, x[i], y[i], z[i])
                             clear[i] = min(clear[i], _clear_in_cell(
-                                grid, cell, present, table, poses, end, skip, radius_at(radius, i),
-                                None, x[i], y[i], z[i]))
+                                grid, cell, present, table, poses, end, skip, radius[i],
+                                margins, x[i], y[i], z[i]))
 
 
 @kernel
@@ -236,8 +229,8 @@ def choose(grid, table, poses, start, x0, reach, chosen):
 
     Parameters
     ----------
-    grid, table, poses : Grid or None, (C, COLUMNS), (S, C, 12) float64
-        None where there is no grid; the colliders and their poses.
+    grid, table, poses : Grid, (C, COLUMNS), (S, C, 12) float64
+        The grid, without cells where there is none; the colliders and their poses.
     start : int
         Row of poses at the start of the step.
     x0 : (3,) tuple of float [m]
@@ -253,7 +246,7 @@ def choose(grid, table, poses, start, x0, reach, chosen):
         How many are chosen.
 
     """
-    if grid is not None:
+    if has_cells(grid):
         if reach < grid.high[0] - grid.low[0] + grid.high[1] - grid.low[1]:
             low, high = _around(x0, reach)
             return _choose_in_grid(grid, low, high, MOST_CELLS, table.shape[0], chosen)
@@ -298,11 +291,11 @@ def choose_for_tile(grid, wide, near, x, y, z, chosen):
 
     Parameters
     ----------
-    grid : Grid or None
-        None where there is no grid.
-    wide : int or None
-        1 if the distances `near` may be larger than the radii of the particles.
-    near : (B,) float64 [m] or None
+    grid : Grid
+        Without cells where there is none.
+    wide : bool
+        Whether the distances `near` may be larger than the radii of the particles.
+    near : (B,) float64 [m]
         At which distance from a collider a particle may touch it.
     x, y, z : (B,) float64 [m]
         Where the particles end.
@@ -311,15 +304,15 @@ def choose_for_tile(grid, wide, near, x, y, z, chosen):
 
     Returns
     -------
-    chosen : (K,) int64 or None
-        Colliders, ascending; None for all.
+    chosen : (K,) int64
+        Colliders, ascending.
     all_chosen : bool
         Whether they are all that may be touched; else they are those that are not in the grid.
 
     """
-    if grid is not None:
+    if has_cells(grid):
         reach = 0.0
-        if wide is not None:
+        if wide:
             reach = _range_of(near)[1]
         (x0, x1), (y0, y1), (z0, z1) = _range_of(x), _range_of(y), _range_of(z)
         if x0 <= x1 and y0 <= y1 and z0 <= z1 and reach < inf:      # nobody is NaN
@@ -329,4 +322,4 @@ def choose_for_tile(grid, wide, near, x, y, z, chosen):
             if count != NONE:
                 return chosen[:count], True
         return grid.others, False
-    return None, True
+    return grid.others, True

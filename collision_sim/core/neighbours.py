@@ -66,7 +66,7 @@ class Near(NamedTuple):
 @inlined
 def _candidate(flies, flight, ledger, block, v, candidates, i):
     """Mean velocity of particle i; its free flight is laid out here, or None: it is laid out."""
-    if flies is not None:
+    if flies:
         start = (v[0, i], v[1, i], v[2, i])
         u, w = fly(flight, start)
         book_flight(ledger, account_of(block, i), flight.dt, start, u, w, 1.0)

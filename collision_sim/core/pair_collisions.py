@@ -71,9 +71,9 @@ LOOSE = 0.002           # share of its radius that a particle may leave its path
 @inlined
 def friction_factor(dry, wet, laws, c, slip, dv_n):
     """Factor of the friction in row c of the laws on a tangential velocity; 1 without friction."""
-    if dry is None and wet is None:
+    if not (dry or wet):
         return 1.0
-    return dry_factor(dry, laws, c, length(slip), dv_n) * wet_factor(wet, laws, c, dv_n)
+    return dry_factor(laws, c, length(slip), dv_n) * wet_factor(laws, c, dv_n)
 
 
 @inlined
@@ -567,7 +567,7 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
     ----------
     stage : Stage
         With the pairs of `list_meetings`; velocities and candidates are changed.
-    dry, wet : int or None
+    dry, wet : bool
         1 if pairs or colliders have such friction.
     base : (N,) float64 [m]
         Extent of each particle without its path.

@@ -23,10 +23,11 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.around import find_around, move, Moved
-from collision_sim.core.candidates import Candidates, fly_anew, is_settled
+from collision_sim.core.candidates import Candidates, is_settled
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
+from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse, repulsion
@@ -35,11 +36,11 @@ from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
-from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
+from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.ties import stands_first
-from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 # Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
@@ -100,6 +101,7 @@ class Stage(NamedTuple):
     ledger: tuple
     x: np.ndarray
     v: np.ndarray
+    everyone: np.ndarray
     moves: bool
     bounces: bool
 
@@ -108,7 +110,7 @@ class Stage(NamedTuple):
 def here_of(stage, i, answers):
     """Where particle i is looked at."""
     return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
-                None, answers, stage.walls.one)
+                stage.everyone, answers, stage.walls.one)
 
 
 @kernel
@@ -230,10 +232,8 @@ def _throw_back(stage, i, answers):
     after, _ = respond(stage.rules, stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
                        at(walls.values, k, ALONG), v_n,
                        normal_impulse(v_n, stage.table[c, RESTITUTION]))
-    here = account_of(i // BLOCK, i)
-    mean, _ = fly_anew(stage.candidates, None, here, stage.rules.flight, v, after, u,
-                       column(stage.candidates.w, i))
-    return True, after, mean
+    flight = stage.rules.flight
+    return True, after, add(fly(flight, after)[0], subtract(u, fly(flight, v)[0]))
 
 
 @kernel

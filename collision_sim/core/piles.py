@@ -166,7 +166,7 @@ def _presses(pile, c):
 @inlined
 def _state(dry, laws, pile, c):
     """State of a support: it holds a particle whose friction is below what it could be."""
-    if dry is not None:
+    if dry:
         impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
         pressing = dot(impulse, n)
         slip = add_scaled(impulse, -pressing, n)
@@ -351,7 +351,7 @@ def _lay_out_means(work, phase, part, pile):
 @kernel
 def _settle_large(work, phase, dry, wet, laws, part, pile):
     """Solve for the impulses of all large groups, with sweeps; the next phase."""
-    phase = solve(None, work, phase, dry, wet, laws, pile)
+    phase = solve(False, work, phase, dry, wet, laws, pile)
     groups = work.numbers[GROUPS]
     if fetch_add(work.progress, 2 * phase, 1) == 0:
         for g in range(groups):
@@ -360,7 +360,7 @@ def _settle_large(work, phase, dry, wet, laws, part, pile):
         fetch_add(work.progress, 2 * phase + 1, 1)
     finish(work.progress, phase, 1)
     phase = _lay_out_means(work, phase + 1, part, pile)
-    return solve(1, work, phase, None, None, laws, pile)
+    return solve(True, work, phase, False, False, laws, pile)
 
 
 @kernel
@@ -527,7 +527,7 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
         How the contacts are solved; new for each run. Its numbers say how many have been met anew.
     stage : pair_collisions.Stage
         After `collide_all`; the candidates are changed.
-    dry, wet : int or None
+    dry, wet : bool
         1 if pairs or colliders have such friction.
     base : (N,) float64 [m]
         Extent of each particle without its path.

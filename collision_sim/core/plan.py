@@ -36,26 +36,26 @@ class Parts(NamedTuple):
     What a Plan is made of.
 
     rules: what a step does; table (C, shapes.COLUMNS): the colliders; poses (S + 1, C, 12), one
-    row where nothing moves; motion (S, C, motion.MOTION) or None; radius (N,) [m], None for
-    points; log, accounts, notes: of response.py, a segment for each block, log None if nobody
-    wants it; x, v (3, N) [m], [m/s]; ledger, None for no ledger; candidates, None where springs
-    and pairs change nothing; grid, None in scenes of few colliders. All from log to ledger are
-    written. block: particles of a block.
+    row where nothing moves; motion (S, C, motion.MOTION), then one row too; radius (N,) [m],
+    or (1,) of all; log, accounts, notes: of response.py, a segment for each block, log without
+    room if nobody wants it; x, v (3, N) [m], [m/s]; ledger, None for no ledger;
+    candidates: of no particle where springs and pairs change nothing; grid: without cells in
+    scenes of few colliders. All from log to ledger are written. block: particles of a block.
     """
 
     rules: Rules
     table: np.ndarray
     poses: np.ndarray
-    motion: Optional[np.ndarray]
-    radius: Optional[np.ndarray]
-    log: Optional[np.ndarray]
+    motion: np.ndarray
+    radius: np.ndarray
+    log: np.ndarray
     accounts: np.ndarray
     notes: np.ndarray
     x: np.ndarray
     v: np.ndarray
     ledger: Optional[Ledger]
-    candidates: Optional[Candidates]
-    grid: Optional[Grid]
+    candidates: Candidates
+    grid: Grid
     block: int
 
 

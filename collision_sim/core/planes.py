@@ -24,7 +24,7 @@ left to `resolve`.
 from math import sqrt
 
 from collision_sim.core.blocks import clear_of_others
-from collision_sim.core.broad_phase import how_many, nth, others_of, radius_at
+from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.detection import approach
 from collision_sim.core.flight import fly
 from collision_sim.core.impulses import doubtful_change, respond_to_slip, slip_of
@@ -34,7 +34,7 @@ from collision_sim.core.mesh_blocks import clear_of_mesh_boxes
 from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity, START
 from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT, N_LOGGED, NORMAL,
                                       POINT, PUSHES, ROUNDING, SLIDE, STICK)
-from collision_sim.core.shapes import KIND, PLANE, RESTITUTION
+from collision_sim.core.shapes import KIND, PLANE, RESTITUTION, WET
 from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, LARGE_SQUARE, largest,
                                         origin, SMALL_SQUARE, subtract)
 import numpy as np
@@ -58,12 +58,12 @@ def _height(poses, s, c, x):
 
 
 @inlined
-def _respond(rules, table, c, v, obj, n, v_n, dv_n):
+def _respond(wet, table, c, v, obj, n, v_n, dv_n):
     """Respond as impulses.respond, and say whether the size of the slip needs no scaling."""
     slip = slip_of(v, obj, n)
     square = dot(slip, slip)
     plain = square == 0.0 or SMALL_SQUARE < square < LARGE_SQUARE
-    after, stuck = respond_to_slip(rules, table, c, v, obj, n, v_n, dv_n, slip, sqrt(square))
+    after, stuck = respond_to_slip(wet, table, c, v, obj, n, v_n, dv_n, slip, sqrt(square))
     return after, stuck, plain
 
 
@@ -114,10 +114,9 @@ def _write(s, row, i, a):
 @inlined
 def _is_still(motion, step, c):
     """Whether a plane does not move in this step: the velocities of its points are 0 exactly."""
-    if motion is not None:
-        for k in range(motion.shape[2]):
-            if motion[step, c, k] != 0.0:
-                return False
+    for k in range(motion.shape[2]):
+        if motion[step, c, k] != 0.0:
+            return False
     return True
 
 
@@ -143,13 +142,13 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
 
 
 @inlined
-def _collide(rules, table, poses, motion, step, start, end, c, s, count):
+def _collide(wet, rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
     widest_vectors()
     for i in range(count):
         x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[_at(RADIUS, i)]
         v_n, obj, n = _approach(poses, motion, step, start, end, c, x0, v0)
-        after, _, plain = _respond(rules, table, c, v0, obj, n, v_n,
+        after, _, plain = _respond(wet, table, c, v0, obj, n, v_n,
                                    normal_impulse(v_n, table[c, RESTITUTION]))
         hit, x1 = v_n < 0.0, _read(s, BETWEEN, i)
         touched = add_scaled(x1, -(_height(poses, end, c, x1) - r), n)
@@ -165,7 +164,7 @@ def _collide(rules, table, poses, motion, step, start, end, c, s, count):
 
 
 @inlined
-def _press(rules, table, poses, motion, step, start, end, c, s, count):
+def _press(wet, rules, table, poses, motion, step, start, end, c, s, count):
     """Contact stage of a chunk, for those inside; places and velocities at the end."""
     widest_vectors()
     n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
@@ -177,13 +176,13 @@ def _press(rules, table, poses, motion, step, start, end, c, s, count):
         u, w = fly(rules.flight, v)
         chord = chord_velocity(motion, poses, step, start, c, x0, dt)
         u_n = approach(u, chord, n)
-        u2, stuck, plain = _respond(rules, table, c, u, chord, n, u_n, 0.0 - u_n)
+        u2, stuck, plain = _respond(wet, table, c, u, chord, n, u_n, 0.0 - u_n)
         x2, du = add_scaled(x0, dt, u2), subtract(u2, u)
         obj = point_velocity(motion, poses, step, END, end, c, x2)
         w_n = approach(w, obj, n)
         dw_n = _end_change(motion, poses, step, end, c, x2, n, w_n, 2.0 * dot(du, n),
                            not hit and gap <= rounding)
-        slowed, _, plainer = _respond(rules, table, c, w, obj, n, w_n, dw_n)
+        slowed, _, plainer = _respond(wet, table, c, w, obj, n, w_n, dw_n)
         w2 = slowed if w_n < 0.0 else w
         place, near = _pushed(poses, end, c, r, n, x2, 0)
         place, nearer = _pushed(poses, end, c, r, n, place, 1)
@@ -211,7 +210,8 @@ def _rows(s, row, count):
 
 
 @kernel
-def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, cells, chosen):
+def _leave_if_near(grid, present, margins, table, poses, start, end, c, s, count, clear, cells,
+                   chosen):
     """
     Leave those particles to `resolve` that may touch a collider other than plane c.
 
@@ -224,8 +224,8 @@ def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, 
         x, y, z = _rows(s, PLACE, count)
         x1, y1, z1 = _rows(s, BETWEEN, count)
         near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
-        clear_of_others(grid, present, table, poses, end, c, near, 1, None, x1, y1, z1, marks,
-                        cells, chosen)
+        clear_of_others(grid, present, table, poses, end, c, near, True, margins, x1, y1, z1,
+                        marks, cells, chosen)
         clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
                             marks, cells)
         for i in range(count):
@@ -235,7 +235,7 @@ def _leave_if_near(grid, present, table, poses, start, end, c, s, count, clear, 
 @inlined
 def _log(log, accounts, block, first, c, poses, end, s, touching, count):
     """Log the contacts of a chunk, if anybody wants them."""
-    if log is not None:
+    if log.shape[1] > 0:
         row, n = accounts[block, N_LOGGED], (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8])
         for i in range(count):
             k = np.uint64(row + i)
@@ -289,31 +289,37 @@ def _keep(s, rows, count, unanswered, left):
 
 
 @inlined
-def _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen):
+def _answer_chunk(wet, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                  cells, chosen):
     """Answer the particles of a chunk, in loops without branches."""
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
-        _collide(rules, table, poses, motion, step, start, end, c, s, full)
-        _leave_if_near(grid, rules.present, table, poses, start, end, c, s, count, clear, cells,
-                       chosen)
-    _press(rules, table, poses, motion, step, start, end, c, s, full)
+        _collide(wet, rules, table, poses, motion, step, start, end, c, s, full)
+        _leave_if_near(grid, rules.present, margins, table, poses, start, end, c, s, count, clear,
+                       cells, chosen)
+    _press(wet, rules, table, poses, motion, step, start, end, c, s, full)
 
 
 @kernel
-def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x, y, z, vx,
-                  vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
+def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log, accounts, x, y,
+                  z, vx, vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
     for i in range(count):
         s[_at(DONE, i)] = 0.0
-    _leave_if_near(grid, rules.present, table, poses, here.start, here.end, c, s, count, clear,
-                   cells, chosen)
+    _leave_if_near(grid, rules.present, margins, table, poses, here.start, here.end, c, s, count,
+                   clear, cells, chosen)
     count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
-    if _is_still(motion, here.step, c):
-        _answer_chunk(grid, rules, here, table, poses, None, c, s, count, clear, cells, chosen)
+    if table[c, WET] != 0.0:
+        _answer_chunk(1, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                      cells, chosen)
+    elif _is_still(motion, here.step, c):
+        _answer_chunk(None, grid, rules, margins, here, table, poses, None, c, s, count, clear,
+                      cells, chosen)
     else:
-        _answer_chunk(grid, rules, here, table, poses, motion, c, s, count, clear, cells, chosen)
+        _answer_chunk(None, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                      cells, chosen)
     count, left = _keep(s, ROWS, count, unanswered, left)
     hits, contacts = 0, 0
     for i in range(count):
@@ -329,21 +335,21 @@ def _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accoun
 
 
 @inlined
-def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts, first, x, y, z,
-                  vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
+def answer_planes(grid, rules, margins, here, table, poses, motion, radius, log, accounts, first,
+                  x, y, z, vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
     """
     Answer the particles of a block that touch one plane and nothing else, in place.
 
     Parameters
     ----------
-    grid : broad_phase.Grid or None
-        None in scenes of few colliders.
+    grid : broad_phase.Grid
+        Without cells in scenes of few colliders.
     rules, table, poses, motion, log, accounts
         As in response.resolve.
     here : rules.Here
         Step, rows of poses and block; no particle.
-    radius : (B,) float64 [m] or None
-        Of the particles of the block.
+    radius : (B,) or (1,) float64 [m]
+        Of the particles of the block, or of all.
     first : int
         Index of the first particle of the block.
     x, y, z, vx, vy, vz : (B,) float64 [m], [m/s]
@@ -367,8 +373,8 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
         How many are left for response.resolve.
 
     """
-    for m in range(how_many(others_of(grid), table)):
-        c = nth(others_of(grid), m)
+    for m in range(grid.others.shape[0]):
+        c = grid.others[m]
         if table[c, KIND] != PLANE:
             continue
         left, taken = 0, 0
@@ -388,11 +394,11 @@ def answer_planes(grid, rules, here, table, poses, motion, radius, log, accounts
             _write(s, BETWEEN, taken, x1)
             taken += 1
             if taken == CHUNK:
-                left = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log,
-                                     accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
+                left = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c,
+                                     log, accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
                                      chosen, touching, unanswered, left)
                 taken = 0
-        count = _settle_chunk(grid, rules, here, table, poses, motion, first, c, log, accounts, x,
-                              y, z, vx, vy, vz, s, taken, clear, cells, chosen, touching,
-                              unanswered, left)
+        count = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log,
+                              accounts, x, y, z, vx, vy, vz, s, taken, clear, cells, chosen,
+                              touching, unanswered, left)
     return count

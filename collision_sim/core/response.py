@@ -84,9 +84,9 @@ def _record_by_particle(log, accounts, here, c, state, point, n, dv):
 
 @inlined
 def record(log, accounts, here, c, state, point, n, dv):
-    """Log a contact, or add to that of the same particle and collider; nothing when off (None)."""
-    if log is not None:
-        if log.shape[1] > 0 and accounts[here.block, N_ROWS] > 0:
+    """Log a contact, or add to that of the same particle and collider; nothing without room."""
+    if log.shape[1] > 0:
+        if accounts[here.block, N_ROWS] > 0:
             _record_by_particle(log, accounts, here, c, state, point, n, dv)
             return
         b, i, rows, own = here.block, here.particle, accounts[here.block, N_LOGGED], 0
@@ -156,7 +156,7 @@ def collide_with_both(rules, here, table, log, accounts, ledger, one, two, eps, 
 @inlined
 def _contact_target(checks, restitution, u_n, target, first):
     """Give the normal velocity [m/s] after a pass: elastic only without a collision stage."""
-    if checks is not None:
+    if checks:
         return target
     return u_n + normal_impulse(u_n, restitution) if first and target == 0.0 else target
 
@@ -171,19 +171,18 @@ def _end_change(motion, rules, here, table, poses, c, x0, x1, n, w_n, most):
     this step: a support that falls away does not drag it along or push it up. But what is left of
     the approach is no more than the estimate may be off by.
     """
-    if motion is not None:
-        off = abs(dot(point_velocity(motion, poses, here.step, DOUBT, here.end, c, x1), n))
-        if off > 0.0:
-            gap = distance(rules, here, table, poses, here.start, c, x0)
-            if gap <= rounding_depth(here, table, poses, c, x0):
-                return doubtful_change(w_n, most, off)
+    off = abs(dot(point_velocity(motion, poses, here.step, DOUBT, here.end, c, x1), n))
+    if off > 0.0:
+        gap = distance(rules, here, table, poses, here.start, c, x0)
+        if gap <= rounding_depth(here, table, poses, c, x0):
+            return doubtful_change(w_n, most, off)
     return -w_n
 
 
 @inlined
 def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, most, w, hit):
     """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
-    if checks is not None:
+    if checks:
         obj = point_velocity(motion, poses, here.step, END, here.end, c, x1)
         w_n = approach(w, obj, n)
         if w_n < 0.0:
@@ -202,14 +201,14 @@ def _pressed(second, rules, here, table, poses, motion, x0, v0, touch, u, w, tar
         if touch.stays and not lawful:
             u_after, x1, n, stuck = to_surface(rules, here, table, poses, motion, x0, v0, touch, u)
             du = subtract(u_after, u)
-            w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du,
+            w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
                                     dot(du, touch.normal), add(w, du), hit)
             return u_after, w_after, x1, n, stuck
     u_after, stuck = respond(rules, table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     most = 2.0 * dot(du, n)
     if lawful or touch.target > 0.0:
-        w_after = _end_response(1, rules, here, table, poses, motion, c, x0, x1, n, du, most, w,
+        w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du, most, w,
                                 True)
     else:
         w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
@@ -253,7 +252,7 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
 @inlined
 def _joint_end(checks, rules, here, table, poses, motion, one, two, x1, du, w):
     """End velocity after `press_jointly`, as in `_end_response`."""
-    if checks is not None:
+    if checks:
         obj1 = point_velocity(motion, poses, here.step, END, here.end, one.collider, x1)
         obj2 = point_velocity(motion, poses, here.step, END, here.end, two.collider, x1)
         return joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
@@ -322,7 +321,7 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
         return u, w, False
     x1, du = add_scaled(x0, dt, u_after), subtract(u_after, u)
     if lawful or one.target > 0.0:
-        w_after = _joint_end(1, rules, here, table, poses, motion, one, two, x1, du, w)
+        w_after = _joint_end(True, rules, here, table, poses, motion, one, two, x1, du, w)
     else:
         w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1, du, w)
     state, counter, account, lost = SLIDE, N_CONTACT, CONTACT, 0.0
@@ -376,7 +375,7 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
             lost = a * touch.v_n * square / along + 0.5 * a * a * square
         pull = book_pull(ledger, here, rules.flight.dt, subtract(after, u), lawful)
         w_after = add(w, subtract(after, u))
-        if rules.checks is not None or lawful or touch.target > 0.0:
+        if rules.checks or lawful or touch.target > 0.0:
             obj = point_velocity(motion, poses, here.step, END, here.end, touch.collider, x1)
             b = -approach(w, obj, n) / along
             w_after = obj if b > 0.0 else w
@@ -453,8 +452,8 @@ def _reaching(around, here, table, poses, x0, x1, reach):
 
 
 @inlined
-def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger=None,
-            candidates=None, around=None, reach=0.0):
+def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
+            candidates, around=None, reach=0.0):
     """
     One step of a particle that may touch something.
 
@@ -468,8 +467,8 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         State at the start of the step.
     ledger : ledger.Ledger or None
         Where the flight is booked already, and all else is; None for no ledger.
-    candidates : candidates.Candidates or None
-        None where springs and pairs change nothing.
+    candidates : candidates.Candidates
+        Of no particle where springs and pairs change nothing.
     around : nearby.Around or None
         What the colliders of `here` are chosen from; None where they are all.
     reach : float [m]

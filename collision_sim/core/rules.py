@@ -59,36 +59,36 @@ NONE = -1                   # no collider
 
 class Rules(NamedTuple):
     """
-    What a step does: numbers and, where a feature is absent, None; no arrays.
+    What a step does: numbers; and where a scene does without what takes long to compile, None.
 
-    present: the shapes; dry, wet: 1 if any collider has such friction; sweep: 1 if impacts are
-    found along the path; checks: 1 if the method has a collision stage; passes: most passes of
-    the contact stage; once: each collider at most once in turn (`single_pass`); share [-] and
-    highest [m/s]: the repulsion; second: 1 if contacts are of second order; planes: 1 if particles
-    that touch a single plane are answered by planes.py.
+    present: the meshes; dry, wet: whether any collider has such friction; sweep: 1 if impacts are
+    found along the path, else None; checks: whether the method has a collision stage; passes: most
+    passes of the contact stage; once: each collider at most once in turn (`single_pass`); share
+    [-] and highest [m/s]: the repulsion; second: 1 if contacts are of second order, else None;
+    planes: whether particles that touch a single plane are answered by planes.py.
     """
 
     flight: Flight
     present: Present
-    dry: Optional[int]
-    wet: Optional[int]
+    dry: bool
+    wet: bool
     sweep: Optional[int]
-    checks: Optional[int]
+    checks: bool
     passes: int
     once: bool
     share: float
     highest: float
     second: Optional[int] = None
-    planes: Optional[int] = None
+    planes: bool = False
 
 
 class Here(NamedTuple):
     """
     Step of this call, rows of poses at its start and end, block, particle and its radius.
 
-    chosen: colliders that the particle may touch, None for all (broad_phase.py); answers: the last
-    ones of meshes (mesh_way.py), None where nobody keeps them; only: the one collider of those
-    chosen that is acted on, (1,), None for all: pairs look at one at a time.
+    chosen: colliders that the particle may touch (broad_phase.py); answers: the last ones of
+    meshes (mesh_way.py), without rows where nobody keeps them; only: the one collider of those
+    chosen that is acted on, (1,), or (0,) for all: pairs look at one at a time.
     """
 
     step: int

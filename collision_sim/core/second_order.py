@@ -53,19 +53,17 @@ def tangential(v, n):
 
 
 @inlined
-def _kinetic_factor(dry, table, c, speed, dv_n):
+def _kinetic_factor(table, c, speed, dv_n):
     """Factor of dry friction on a velocity of which it is known that it slips."""
-    if dry is not None:
+    if table[c, KINETIC] * dv_n > 0.0:
         return dry_friction(speed, dv_n, table[c, KINETIC], table[c, KINETIC])
     return 1.0
 
 
 @inlined
-def _sticks(dry, table, c, slip, dv_n):
+def _sticks(table, c, slip, dv_n):
     """Whether dry friction holds a slip [m/s] of the mean velocity."""
-    if dry is not None:
-        return table[c, STATIC] * dv_n > 0.0 and length(slip) <= table[c, STATIC] * dv_n
-    return False
+    return table[c, STATIC] * dv_n > 0.0 and length(slip) <= table[c, STATIC] * dv_n
 
 
 @inlined
@@ -90,12 +88,12 @@ def _first_half(rules, table, c, u, obj, n, v_n, slip, kick, dv_n):
 
     """
     mean = (slip[0] + kick[0], slip[1] + kick[1], slip[2] + kick[2])
-    if _sticks(rules.dry, table, c, mean, dv_n):
+    if _sticks(table, c, mean, dv_n):
         return add_scaled(obj, v_n + dv_n, n), True
     slides = dot(slip, slip) > dot(kick, kick)
     acted = slip if slides else mean
-    wet = wet_factor(rules.wet, table, c, dv_n)
-    factor = wet * _kinetic_factor(rules.dry, table, c, abs(wet) * length(acted), dv_n)
+    wet = wet_factor(table, c, dv_n)
+    factor = wet * _kinetic_factor(table, c, abs(wet) * length(acted), dv_n)
     after = add_scaled(u, dv_n, n)
     if factor == 1.0:
         return after, False
@@ -173,8 +171,8 @@ def _joint_half(rules, table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
             kick = subtract(acted, slip)
             acted = slip if dot(slip, slip) > dot(kick, kick) else acted
         acted = add(acted, slowed)
-        wet = wet_factor(rules.wet, table, c, dv_n)
-        factor = wet * dry_factor(rules.dry, table, c, abs(wet) * length(acted), dv_n)
+        wet = wet_factor(table, c, dv_n)
+        factor = wet * dry_factor(table, c, abs(wet) * length(acted), dv_n)
         slowed = add_scaled(slowed, factor - 1.0, acted)
     return add(after, slowed)
 

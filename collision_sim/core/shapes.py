@@ -191,39 +191,24 @@ def seam_width(table, c, place):
 
 
 class Present(NamedTuple):
-    """
-    Which shapes the scene has: 1, or the meshes; None for a shape that is then not compiled.
+    """What is compiled only for scenes that have it: the meshes, None without."""
 
-    faced: 1 if there are boxes or cylinders that particles are outside of (`has_faces`).
-    """
-
-    planes: Optional[int]
-    spheres: Optional[int]
-    boxes: Optional[int]
-    capsules: Optional[int]
-    cylinders: Optional[int]
     meshes: Optional[Meshes] = None
-    faced: Optional[int] = 1
 
 
 @inlined
-def local_distance(planes, spheres, boxes, capsules, cylinders, kind, point, size):
-    """Signed distance and normal of a shape in its own frame; absent shapes are None."""
-    if planes is not None:
-        if kind == PLANE:
-            return plane(point)
-    if spheres is not None:
-        if kind == SPHERE:
-            return sphere(point, size[0])
-    if boxes is not None:
-        if kind == BOX:
-            return box(point, size)
-    if capsules is not None:
-        if kind == CAPSULE:
-            return capsule(point, size[0], size[1])
-    if cylinders is not None:
-        if kind == CYLINDER:
-            return cylinder(point, size[0], size[1])
+def local_distance(kind, point, size):
+    """Signed distance and normal of a shape in its own frame; a mesh is infinitely far."""
+    if kind == PLANE:
+        return plane(point)
+    if kind == SPHERE:
+        return sphere(point, size[0])
+    if kind == BOX:
+        return box(point, size)
+    if kind == CAPSULE:
+        return capsule(point, size[0], size[1])
+    if kind == CYLINDER:
+        return cylinder(point, size[0], size[1])
     return inf, (0.0, 0.0, 1.0)
 
 
@@ -234,9 +219,7 @@ def _distance_in_frame(meshes, present, table, c, point):
         if table[c, KIND] == MESH:
             return mesh_distance(meshes, int(table[c, SIZE + 1]), point)
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
-    return local_distance(
-        present.planes, present.spheres, present.boxes, present.capsules, present.cylinders,
-        table[c, KIND], point, size)
+    return local_distance(table[c, KIND], point, size)
 
 
 @inlined
@@ -257,7 +240,7 @@ def signed_distance(present, table, poses, s, c, point):
     Parameters
     ----------
     present : Present
-        Which shapes there are.
+        The meshes.
     table : (C, COLUMNS) float64
         The colliders, columns as named below.
     poses : (S, C, 12) float64

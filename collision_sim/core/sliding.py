@@ -106,11 +106,11 @@ def _coefficients(laws, row, mark):
 def _factor(dry, wet, laws, row, speed, dv_n, mark):
     """Factor of friction on a slip [m/s]."""
     factor = 1.0
-    if dry is not None:
+    if dry:
         static, kinetic = _coefficients(laws, row, mark)
         if static * dv_n > 0.0:
             factor = dry_friction(speed, dv_n, static, kinetic)
-    return factor * wet_factor(wet, laws, row, dv_n)
+    return factor * wet_factor(laws, row, dv_n)
 
 
 @inlined
@@ -161,7 +161,7 @@ def rub_all(dry, wet, laws, pile, first, count, room, mode, holds):
 def mark_sliding(dry, laws, pile, first, count, room):
     """Mark those that slide although they could stick; whether there are more of them."""
     more = False
-    if dry is not None:
+    if dry:
         for k in range(count):
             c, row = pile.member[first + k], pile.ends[pile.member[first + k], LAW_ROW]
             if room.state[MARK, k] == MAY_STICK and laws[row, KINETIC] < laws[row, STATIC]:
@@ -176,7 +176,7 @@ def mark_sliding(dry, laws, pile, first, count, room):
 def _list_holding(dry, laws, pile, first, count, room):
     """List the directions and bounds of those that stick; how many contacts there are of them."""
     size = 0
-    if dry is not None:
+    if dry:
         for k in range(count):
             c = pile.member[first + k]
             static, _ = _coefficients(laws, pile.ends[c, LAW_ROW], room.state[MARK, k])
@@ -249,15 +249,15 @@ def _frame(pile, c):
 def _slopes(dry, wet, laws, row, speed, dv_n, mark):
     """Factor of friction on a slip [m/s], its slope times that, and that by the normal change."""
     factor, by_speed, by_normal = 1.0, 0.0, 0.0
-    if dry is not None:
+    if dry:
         static, kinetic = _coefficients(laws, row, mark)
         if static * dv_n > 0.0:
             factor = 0.0
             if speed > static * dv_n:
                 by_speed, by_normal = kinetic * dv_n / speed, -kinetic / speed
                 factor = 1.0 - by_speed
-    if wet is not None:
-        left, slope = wet_factor(wet, laws, row, dv_n), -laws[row, WET]
+    if wet:
+        left, slope = wet_factor(laws, row, dv_n), -laws[row, WET]
         if laws[row, WET_FORM] == EXPONENTIAL:
             slope *= left
         elif left == 0.0:
@@ -364,10 +364,10 @@ def _eliminate(table, size):
 def _bound(dry, wet, laws, row, mark, pressing):
     """Most [N s] that friction can be with a normal impulse [N s]: none has a bound when wet."""
     most = 0.0
-    if dry is not None:
+    if dry:
         static, _ = _coefficients(laws, row, mark)
         most = static * pressing
-    if wet is not None:
+    if wet:
         if laws[row, WET] > 0.0:
             most = inf
     return most

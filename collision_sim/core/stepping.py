@@ -56,17 +56,9 @@ def block_size(count):
 
 
 @inlined
-def block_radius(radius, first, last):
-    """Radii of a block, None where there are none."""
-    if radius is not None:
-        return radius[first:last]
-    return None
-
-
-@inlined
 def _fly(lean, candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, scratch, clear):
     """Write the candidates of a tile; `clear` is NaN where they are not finite, else 1."""
-    if lean is not None:
+    if lean:
         place_block(flight, x, y, z, vx, vy, vz, new)
     else:
         fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, new, scratch)
@@ -75,7 +67,7 @@ def _fly(lean, candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, ne
 
 @inlined
 def _sweep_margins(sweep, motion, step, table, margins):
-    """Write how far each collider comes in a step, if somebody sweeps."""
+    """Write how far each collider comes in a step; without sweeps it is 0 from the start."""
     if sweep is not None:
         for c in range(table.shape[0]):
             margins[c] = sweep_margin(sweep, motion, step, table, c)
@@ -90,34 +82,34 @@ def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, length
     if sweep is not None:
         paths = lengths[:n]
         path_lengths(x, y, z, new, radius, paths)
-        clear_of_others(grid, present, table, poses, end, NONE, paths, 1, margins, x1, y1, z1,
+        clear_of_others(grid, present, table, poses, end, NONE, paths, True, margins, x1, y1, z1,
                         clear, scratch, chosen)
     else:
-        clear_of_others(grid, present, table, poses, end, NONE, radius, None, None, x1, y1, z1,
-                        clear, scratch, chosen)
+        clear_of_others(grid, present, table, poses, end, NONE, radius, False, margins, x1, y1,
+                        z1, clear, scratch, chosen)
 
 
 @inlined
 def _take(lean, flight, ahead, x, y, z, vx, vy, vz, new):
     """Take the candidates of a tile."""
     take(x, y, z, new)
-    if lean is not None:
+    if lean:
         gain_velocities(flight, ahead, vx, vy, vz)
     else:
         take(vx, vy, vz, new[3:])
 
 
 @inlined
-def _answer_together(planes, ledger, candidates, grid, rules, here, table, poses, motion, radius,
+def _answer_together(ledger, candidates, grid, rules, margins, here, table, poses, motion, radius,
                      log, accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
                      touching, held, unanswered, count):
     """Answer those that touch a single plane together, unless they are few; how many are left."""
     for k in range(count):
         unanswered[k] = k
-    if planes is not None:
-        if ledger is None:
-            if candidates is None and count >= TOGETHER:
-                return answer_planes(grid, rules, here, table, poses, motion, radius, log,
+    if ledger is None:
+        if rules.sweep is None:
+            if count >= TOGETHER and rules.planes and candidates.settled.shape[0] == 0:
+                return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
                                      accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells,
                                      chosen, touching, held, unanswered, count)
     return count
@@ -133,7 +125,7 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
         return freeze(accounts, block, x0)
     reach = reach_of(radius, move, x0, x1) + 2.0 * rules.flight.dt * (length(v0) + length(v1))
     around = Around(grid, move, chosen)
-    here = Here(step, start, end, block, i, radius, chosen, answers, None)
+    here = Here(step, start, end, block, i, radius, chosen, answers, chosen[:0])
     here = chosen_within(around, here, table, poses, x0, reach)
     place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
                               ledger, candidates, around, reach)
@@ -145,8 +137,8 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
 @inlined
 def _empty_log(candidates, log, accounts, block):
     """Begin the log of a step, unless candidates have come with entries of the collision stage."""
-    if candidates is None:
-        if log is not None:         # what was written in the last step is likely to be again
+    if candidates.settled.shape[0] == 0:
+        if log.shape[1] > 0:        # what was written in the last step is likely to be again
             entries, first = LOG * accounts[block, N_LOGGED], block * log.shape[1] * LOG
             for k in range(0, entries, LINE):
                 prefetch(log, first + k)
@@ -156,7 +148,7 @@ def _empty_log(candidates, log, accounts, block):
 @inlined
 def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
                accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
-               held, touching, unanswered, chunk, chosen, answers):
+               same, held, touching, unanswered, chunk, chosen, answers):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -170,39 +162,45 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
     last = min(first + size, x.shape[1])
     px, py, pz = x[0][first:last], x[1][first:last], x[2][first:last]
     vx, vy, vz = v[0][first:last], v[1][first:last], v[2][first:last]
-    near = block_radius(radius, first, last)
+    near = radius
+    if radius.shape[0] > 1:
+        near = radius[first:last]
+    same[:] = radius[0]
     later = size * (upcoming - block) if upcoming != NO_PIECE else 0
     for step in range(row, row + steps):
         start, end, count = min(step, rows), min(step + 1, rows), 0
+        turn = min(step, motion.shape[0] - 1)
         ahead = later if step == row + steps - 1 else 0
         _empty_log(candidates, log, accounts, block)
-        _sweep_margins(rules.sweep, motion, step, table, margins)
+        _sweep_margins(rules.sweep, motion, turn, table, margins)
         for a in range(0, last - first, TILE):
             b = min(a + TILE, last - first)
             xt, yt, zt, ut, vt, wt = px[a:b], py[a:b], pz[a:b], vx[a:b], vy[a:b], vz[a:b]
-            rt, ct = block_radius(near, a, b), clear[:b - a]
+            rt, ct = same[:b - a], clear[:b - a]
+            if radius.shape[0] > 1:
+                rt = near[a:b]
             _fly(lean, candidates, ledger, rules.flight, block, first + a, xt, yt, zt, ut, vt, wt,
                  new, scratch, ct)
             prefetch_row(xt, ahead)
             _clear(rules.sweep, grid, rules.present, table, poses, end, rt, xt, yt, zt, new,
                    lengths, margins, ct, scratch, chosen)
-            clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, step, start,
+            clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, turn, start,
                             end, rt, xt, yt, zt, new, ct, lengths)
             prefetch_row(yt, ahead)
             before, count = count, collect(clear, b - a, touching, count)
             hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)
             prefetch_row(zt, ahead)
             _take(lean, rules.flight, ahead, xt, yt, zt, ut, vt, wt, new)
-        here = Here(step, start, end, block, first, 0.0, None, None, None)
-        left = _answer_together(rules.planes, ledger, candidates, grid, rules, here, table, poses,
+        here = Here(turn, start, end, block, first, 0.0, chosen, answers, chosen[:0])
+        left = _answer_together(ledger, candidates, grid, rules, margins, here, table, poses,
                                 motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
                                 clear, lengths, chosen, touching, held, unanswered, count)
-        move = most_move(motion, step, table) if left > 0 else 0.0
+        move = most_move(motion, turn, table) if left > 0 else 0.0
         for n in range(left):
             k = unanswered[n]
             j = touching[k]
             place, velocity = _answer(
-                grid, rules, step, start, end, block, first + j, radius_at(near, j), move, table,
+                grid, rules, turn, start, end, block, first + j, radius_at(near, j), move, table,
                 poses, motion, log, accounts, notes, (held[0, k], held[1, k], held[2, k]),
                 (held[3, k], held[4, k], held[5, k]), ledger, candidates, chosen, answers)
             px[j], py[j], pz[j] = place
@@ -240,8 +238,10 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     tile = in_lines(9 * (TILE + APART)).reshape(9, TILE + APART)
     new, scratch, clear, lengths = tile[:6], tile[6], tile[7], tile[8]
     held = in_lines(6 * (BLOCK + APART)).reshape(6, BLOCK + APART)
-    more = in_lines(ROWS * CHUNK + table.shape[0])
-    chunk, margins = more[:ROWS * CHUNK], more[ROWS * CHUNK:]
+    more = in_lines(TILE + ROWS * CHUNK + table.shape[0])
+    same, chunk = more[:TILE], more[TILE:TILE + ROWS * CHUNK]
+    margins = more[TILE + ROWS * CHUNK:]
+    margins[:] = 0.0
     numbers = np.empty(2 * BLOCK + table.shape[0], dtype=np.int64)
     touching, unanswered = numbers[:BLOCK], numbers[BLOCK:2 * BLOCK]
     chosen = numbers[2 * BLOCK:]
@@ -257,8 +257,8 @@ def step_blocks(job, pieces, steps, row, looks, plan):
                 _, upcoming, left = claim(job, side)
             step_block(grid, rules, job[FIRST], job[SECOND], plan.block, block, upcoming, table,
                        poses, motion, radius, log, accounts, notes, ledger, candidates, x, v, new,
-                       scratch, clear, lengths, margins, held, touching, unanswered, chunk, chosen,
-                       answers)
+                       scratch, clear, lengths, margins, same, held, touching, unanswered, chunk,
+                       chosen, answers)
             fetch_add(job, DONE, 1)
             if not early:
                 _, upcoming, left = claim(job, side)

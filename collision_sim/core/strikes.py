@@ -23,23 +23,26 @@ to a candidate as it is would be right for forces that do not change within the 
 of frequency w it brings the relative energy 2 (w dt)^2 with each bounce.
 """
 
-from collision_sim.core.blocks import radius_at
+from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.detection import detect, foremost
 from collision_sim.core.jit import entry, kernel
+from collision_sim.core.mesh_way import ANSWERS
 from collision_sim.core.response import collide
 from collision_sim.core.rules import Here
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
 from collision_sim.core.vectors import add_scaled
+import numpy as np
 
 
 @kernel
-def _strike_block(rules, block, table, poses, motion, radius, log, accounts, ledger, candidates, x,
-                  v):
+def _strike_block(rules, everyone, answers, block, table, poses, motion, radius, log, accounts,
+                  ledger, candidates, x, v):
     """Collision stage of a block of particles; writes the velocities of those that collide."""
     u, end = candidates.u, poses.shape[0] - 1
     for i in range(block * BLOCK, min((block + 1) * BLOCK, x.shape[1])):
-        here = Here(0, 0, end, block, i, radius_at(radius, i), None, None, None)
+        here = Here(0, 0, end, block, i, radius_at(radius, i), everyone, answers,
+                    everyone[:0])
         x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
         mean = (u[0, i], u[1, i], u[2, i])
         x1 = add_scaled(x0, rules.flight.dt, mean)
@@ -69,11 +72,13 @@ def strike_blocks(posted, counters, rules, table, poses, motion, radius, log, ac
         At the ends of the step; one row where nothing moves.
 
     """
+    everyone = np.arange(table.shape[0])
+    answers = np.empty((0, ANSWERS))
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
     while block < accounts.shape[0]:
-        _strike_block(rules, block, table, poses, motion, radius, log, accounts, ledger,
-                      candidates, x, v)
+        _strike_block(rules, everyone, answers, block, table, poses, motion, radius, log, accounts,
+                      ledger, candidates, x, v)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

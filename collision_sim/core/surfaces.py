@@ -157,9 +157,7 @@ def gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x):
         n = world_frame(courses, poses, here, c, t, n)
         return -gap, slope, (-n[0], -n[1], -n[2])
     if side > 0.0:
-        p = rules.present
-        gap, n = local_distance(p.planes, p.spheres, p.boxes, p.capsules, p.cylinders,
-                                table[c, KIND], q, size)
+        gap, n = local_distance(table[c, KIND], q, size)
         return gap - radius, 1.0, world_frame(courses, poses, here, c, t, n)
     gap, slope, n = _inner_gap(table[c, KIND], size, face, q, radius)
     return gap, slope, world_frame(courses, poses, here, c, t, n)
@@ -281,21 +279,20 @@ def _is_covered(rules, here, table, poses, courses, c, own, t, x):
     for k in range(table.shape[0]):
         if k != c:
             arm = add(before, subtract(place, centre(courses, poses, here, k, t)))
-            depth = _depth_of(rules.present, here, table, poses, courses, k, t, arm)
+            depth = _depth_of(here, table, poses, courses, k, t, arm)
             if depth >= 0.5 * margin and (depth > 2.0 * margin or not leans(
-                    depth, _depth_of(rules.present, here, table, poses, courses, k, t,
+                    depth, _depth_of(here, table, poses, courses, k, t,
                                      add_scaled(arm, margin, n)), margin)):
                 return True
     return False
 
 
 @inlined
-def _depth_of(shapes, here, table, poses, courses, k, t, arm):
+def _depth_of(here, table, poses, courses, k, t, arm):
     """Depth [m] in collider k of what is at `arm` from its position, world frame."""
     size = (table[k, SIZE], table[k, SIZE + 1], table[k, SIZE + 2])
-    gap, _ = local_distance(
-        shapes.planes, shapes.spheres, shapes.boxes, shapes.capsules, shapes.cylinders,
-        table[k, KIND], body_frame(courses, table, poses, here, k, t, arm), size)
+    gap, _ = local_distance(table[k, KIND], body_frame(courses, table, poses, here, k, t, arm),
+                            size)
     return -table[k, SIDE] * gap
 
 

@@ -113,9 +113,9 @@ def opening(rules, here, table, poses, courses, s, t, x, v, n):
 def _friction(dry, wet, grip, table, c, w, along, n):
     """Give the force of a surface for N = 1: normal, and friction against w or a first slip."""
     d = n
-    if wet is not None:
+    if wet:
         d = add_scaled(d, -grip * table[c, WET], w)
-    if dry is not None:
+    if dry:
         slip = along if dot(along, along) > 0.0 else w
         speed = length(slip)
         if speed > 0.0:
@@ -139,7 +139,7 @@ def _first_slip(dry, forces, here, table, poses, courses, holds, t, x, v, f, w, 
     Friction turns the velocity of a slow slide into the direction of the drive within w / (mu N),
     which is stiff just after a particle has broken away. For a blink it is taken as turned.
     """
-    if dry is not None:
+    if dry:
         if length(w) <= forces.blink * (length(f) + abs(g0)):
             normal = normal_forces(holds, n0, n1, n2, n0, n1, n2, g0, g1, g2)
             push = add_scaled(add_scaled(add_scaled(f, normal[0], n0), normal[1], n1), normal[2],

@@ -56,13 +56,11 @@ def relative_motion(motion, step, c, dx):
 
     """
     zero = (0.0, 0.0, 0.0)
-    if motion is not None:
-        shift = (motion[step, c, SHIFT], motion[step, c, SHIFT + 1], motion[step, c, SHIFT + 2])
-        turn = (motion[step, c, TURN], motion[step, c, TURN + 1], motion[step, c, TURN + 2])
-        angle = length(turn)
-        axis = (turn[0] / angle, turn[1] / angle, turn[2] / angle) if angle > 0.0 else zero
-        return subtract(dx, shift), axis, angle
-    return dx, zero, 0.0
+    shift = (motion[step, c, SHIFT], motion[step, c, SHIFT + 1], motion[step, c, SHIFT + 2])
+    turn = (motion[step, c, TURN], motion[step, c, TURN + 1], motion[step, c, TURN + 2])
+    angle = length(turn)
+    axis = (turn[0] / angle, turn[1] / angle, turn[2] / angle) if angle > 0.0 else zero
+    return subtract(dx, shift), axis, angle
 
 
 @kernel
@@ -306,12 +304,10 @@ def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
 @inlined
 def path_velocity(motion, step, c, arm, dt):
     """Velocity [m/s] of the material point at `arm` from the collider's position, on the path."""
-    if motion is not None:
-        shift = (motion[step, c, SHIFT], motion[step, c, SHIFT + 1], motion[step, c, SHIFT + 2])
-        turn = (motion[step, c, TURN], motion[step, c, TURN + 1], motion[step, c, TURN + 2])
-        v = add(shift, cross(turn, arm))
-        return (v[0] / dt, v[1] / dt, v[2] / dt)
-    return (0.0, 0.0, 0.0)
+    shift = (motion[step, c, SHIFT], motion[step, c, SHIFT + 1], motion[step, c, SHIFT + 2])
+    turn = (motion[step, c, TURN], motion[step, c, TURN + 1], motion[step, c, TURN + 2])
+    v = add(shift, cross(turn, arm))
+    return (v[0] / dt, v[1] / dt, v[2] / dt)
 
 
 @kernel
