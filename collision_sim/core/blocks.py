@@ -21,6 +21,7 @@ shapes.py or errs towards "may touch", and the few particles that may touch are 
 by one by response.py.
 """
 
+from collision_sim.core.broad_phase import own_radius
 from collision_sim.core.flight import affine, quadratic_factor
 from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, prefetch, select,
                                     widest_vectors, WORD)
@@ -109,8 +110,12 @@ def prefetch_row(row, ahead):
 @inlined
 def _place_component(gains, mean_shift, dt, x, v, new):
     widest_vectors()
-    for i in range(x.shape[0]):
-        new[i] = x[i] + dt * affine(gains, 1, v[i], mean_shift)
+    if gains[1] == 1.0:         # no drag: a product less, a twentieth of the time of a flight
+        for i in range(x.shape[0]):
+            new[i] = x[i] + dt * (v[i] + mean_shift)
+    else:
+        for i in range(x.shape[0]):
+            new[i] = x[i] + dt * affine(gains, 1, v[i], mean_shift)
 
 
 @inlined
@@ -175,8 +180,12 @@ def take(x, y, z, new):
 def _gain_component(gains, end_shift, ahead, v):
     widest_vectors()
     prefetch_row(v, ahead)
-    for i in range(v.shape[0]):
-        v[i] = affine(gains, 0, v[i], end_shift)
+    if gains[0] == 1.0:
+        for i in range(v.shape[0]):
+            v[i] = v[i] + end_shift
+    else:
+        for i in range(v.shape[0]):
+            v[i] = affine(gains, 0, v[i], end_shift)
 
 
 @inlined
@@ -217,7 +226,7 @@ def _clear_planes(table, poses, chosen, skip, radius, margins, x, y, z, clear):
         nx, ny, nz, px, py, pz = pose[2], pose[5], pose[8], pose[9], pose[10], pose[11]
         for i in range(x.shape[0]):
             q = nx * (x[i] - px) + ny * (y[i] - py) + nz * (z[i] - pz)
-            clear[i] = _smaller(clear[i], side * q - (radius[i] + margin))
+            clear[i] = _smaller(clear[i], side * q - (own_radius(radius, i) + margin))
 
 
 @inlined
@@ -233,7 +242,7 @@ def _clear_spheres(table, poses, chosen, skip, radius, margins, x, y, z, clear):
         px, py, pz = pose[9], pose[10], pose[11]
         for i in range(x.shape[0]):
             ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
-            limit = _square_limit(size, side, radius[i] + margin)
+            limit = _square_limit(size, side, own_radius(radius, i) + margin)
             clear[i] = _smaller(clear[i], side * (ax * ax + ay * ay + az * az - limit))
 
 
@@ -257,7 +266,7 @@ def _clear_boxes(table, poses, chosen, skip, radius, margins, x, y, z, clear):
             dy = abs(r1 * ax + r4 * ay + r7 * az) - h1
             dz = abs(r2 * ax + r5 * ay + r8 * az) - h2
             outside = _larger(dx, _larger(dy, dz))
-            clear[i] = _smaller(clear[i], side * outside - (radius[i] + margin))
+            clear[i] = _smaller(clear[i], side * outside - (own_radius(radius, i) + margin))
 
 
 @inlined
@@ -277,7 +286,7 @@ def _clear_capsules(table, poses, chosen, skip, radius, margins, x, y, z, clear)
             lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
             lz = r2 * ax + r5 * ay + r8 * az
             lz = lz - _smaller(_larger(lz, -half), half)
-            limit = _square_limit(size, side, radius[i] + margin)
+            limit = _square_limit(size, side, own_radius(radius, i) + margin)
             clear[i] = _smaller(clear[i], side * (lx * lx + ly * ly + lz * lz - limit))
 
 
@@ -298,7 +307,7 @@ def _clear_cylinders(table, poses, chosen, skip, radius, margins, x, y, z, clear
             ax, ay, az = x[i] - px, y[i] - py, z[i] - pz
             lx, ly = r0 * ax + r3 * ay + r6 * az, r1 * ax + r4 * ay + r7 * az
             lz = r2 * ax + r5 * ay + r8 * az
-            r = radius[i] + margin
+            r = own_radius(radius, i) + margin
             barrel = lx * lx + ly * ly - _square_limit(size, side, r)
             outside = _larger(barrel, abs(lz) - (half + side * r) * (1.0 + side * MARGIN))
             clear[i] = _smaller(clear[i], side * outside)
@@ -310,7 +319,7 @@ def path_lengths(x, y, z, new, radius, lengths):
     widest_vectors()
     for i in range(x.shape[0]):
         dx, dy, dz = new[0, i] - x[i], new[1, i] - y[i], new[2, i] - z[i]
-        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + radius[i]
+        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz) + own_radius(radius, i)
 
 
 @inlined
@@ -329,10 +338,10 @@ def clear_of_others(grid, present, table, poses, end, skip, radius, wide, margin
         Row of poses at the end of the step.
     skip : int
         Collider that is left out, or NONE.
-    radius : (B,) float64 [m]
-        Of the particles of the block; more where they may touch colliders further away.
-    wide : bool
-        Whether it may be more.
+    radius : (B,) float64 or float [m]
+        Of the particles of the block, or of all; more where they may touch colliders further away.
+    wide : int or None
+        1 if it may be more.
     margins : (C,) float64 [m]
         How far each collider came, with sweeps; else 0.
     x, y, z : (B,) float64 [m]

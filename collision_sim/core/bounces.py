@@ -61,7 +61,7 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
             zt[k] = x[2, a + k] + dt * u[2, a + k]
         clear_if_finite(xt, yt, zt, tile)
         clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
-                        radius[a:b], False, margins, xt, yt, zt, tile, cells, chosen)
+                        radius[a:b], None, margins, xt, yt, zt, tile, cells, chosen)
         clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, 0, 0,
                         min(1, poses.shape[0] - 1), radius[a:b], x[0, a:b], x[1, a:b], x[2, a:b],
                         ends, tile, cells)

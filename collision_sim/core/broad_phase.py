@@ -27,6 +27,8 @@ from collision_sim.core.jit import formula, inlined, kernel
 from collision_sim.core.motion import SHIFT, TURN
 from collision_sim.core.shapes import BOX, CAPSULE, CYLINDER, KIND, PLANE, SIDE, SIZE, SPHERE
 from collision_sim.core.vectors import EPSILON, length
+from numba import config, types
+from numba.extending import overload
 import numpy as np
 
 MANY = 8                        # colliders; for fewer a grid brings nothing
@@ -70,6 +72,20 @@ def no_grid(count):
     """Return the Grid of a scene of few colliders, which has no cells."""
     nowhere, none = (0.0, 0.0, 0.0), np.empty(0, dtype=np.int64)
     return Grid(nowhere, nowhere, nowhere, (0, 0, 0), none, none, np.arange(count))
+
+
+def own_radius(radius, i):
+    """Radius [m] of particle i of a tile: an array of them, or the one of all."""
+    return radius[i] if np.ndim(radius) else radius
+
+
+if not config.DISABLE_JIT:
+    @overload(own_radius)
+    def _own_radius(radius, i):
+        """Choose by the type of the radius."""
+        if isinstance(radius, types.Array):
+            return lambda radius, i: radius[i]
+        return lambda radius, i: radius
 
 
 def in_grid(table):

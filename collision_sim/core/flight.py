@@ -150,6 +150,17 @@ def slowed(quadratic, v):
     return v
 
 
+@inlined
+def fly_calmly(flight, v):
+    """Mean and end velocity of a step as `fly`, without quadratic drag."""
+    gains, end, mean = flight.gains, flight.end_shift, flight.mean_shift
+    after = (affine(gains, 0, v[0], end[0]), affine(gains, 0, v[1], end[1]),
+             affine(gains, 0, v[2], end[2]))
+    between = (affine(gains, 1, v[0], mean[0]), affine(gains, 1, v[1], mean[1]),
+               affine(gains, 1, v[2], mean[2]))
+    return between, after
+
+
 @formula
 def fly(flight, velocity):
     """
@@ -167,10 +178,5 @@ def fly(flight, velocity):
     mean, end : (3,) tuple of float [m/s]
 
     """
-    v, gains = slowed(flight.quadratic, velocity), flight.gains
-    end, mean = flight.end_shift, flight.mean_shift
-    after = (affine(gains, 0, v[0], end[0]), affine(gains, 0, v[1], end[1]),
-             affine(gains, 0, v[2], end[2]))
-    between = (affine(gains, 1, v[0], mean[0]), affine(gains, 1, v[1], mean[1]),
-               affine(gains, 1, v[2], mean[2]))
+    between, after = fly_calmly(flight, slowed(flight.quadratic, velocity))
     return between, slowed(flight.quadratic, after)

@@ -80,14 +80,14 @@ def slip_of(v, obj, n):
 
 
 @inlined
-def respond_to_slip(wet, table, c, v, obj, n, v_n, dv_n, tangential, speed):
+def respond_to_slip(rare, table, c, v, obj, n, v_n, dv_n, tangential, speed):
     """
     Velocity after a change dv_n, as `respond`, for a tangential velocity of known size.
 
-    With wet None it is known that there is no wet friction: vector loops need no exponential then.
+    With `rare` None it is known that there is no wet friction: vector loops need no exponential.
     """
     factor = dry_factor(table, c, speed, dv_n)
-    if wet is not None:
+    if rare is not None:
         factor *= wet_factor(table, c, dv_n)
     if factor == 0.0:
         return add_scaled(obj, v_n + dv_n, n), True

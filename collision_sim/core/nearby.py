@@ -22,7 +22,7 @@ Where a tile is near a few colliders of the grid, its particles are tested again
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.broad_phase import cell_along, Grid, has_cells, MOST_CELLS
+from collision_sim.core.broad_phase import cell_along, Grid, has_cells, MOST_CELLS, own_radius
 from collision_sim.core.jit import (inlined, kernel, not_clear, number_of, ordered, select,
                                     widest_vectors, WORD)
 from collision_sim.core.rules import Here
@@ -144,9 +144,9 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins,
 
     """
     if has_cells(grid):
-        if wide:
+        if wide is not None:
             for i in range(x.shape[0]):
-                near = radius[i]
+                near = own_radius(radius, i)
                 if clear[i] >= 0.0:
                     clear[i] = min(clear[i], _clear_on_way(
                         grid, present, table, poses, end, skip, near, near, margins, x[i], y[i],
@@ -159,8 +159,8 @@ def clear_in_grid(grid, present, table, poses, end, skip, radius, wide, margins,
                         if marks[i] < 0.0 and clear[i] >= 0.0:
                             cell = _cell_of(grid, x[i], y[i], z[i])
                             clear[i] = min(clear[i], _clear_in_cell(
-                                grid, cell, present, table, poses, end, skip, radius[i],
-                                margins, x[i], y[i], z[i]))
+                                grid, cell, present, table, poses, end, skip,
+                                own_radius(radius, i), margins, x[i], y[i], z[i]))
 
 
 @kernel
@@ -293,9 +293,9 @@ def choose_for_tile(grid, wide, near, x, y, z, chosen):
     ----------
     grid : Grid
         Without cells where there is none.
-    wide : bool
-        Whether the distances `near` may be larger than the radii of the particles.
-    near : (B,) float64 [m]
+    wide : int or None
+        1 if the distances `near` may be larger than the radii of the particles.
+    near : (B,) float64 or float [m]
         At which distance from a collider a particle may touch it.
     x, y, z : (B,) float64 [m]
         Where the particles end.
@@ -312,7 +312,7 @@ def choose_for_tile(grid, wide, near, x, y, z, chosen):
     """
     if has_cells(grid):
         reach = 0.0
-        if wide:
+        if wide is not None:
             reach = _range_of(near)[1]
         (x0, x1), (y0, y1), (z0, z1) = _range_of(x), _range_of(y), _range_of(z)
         if x0 <= x1 and y0 <= y1 and z0 <= z1 and reach < inf:      # nobody is NaN

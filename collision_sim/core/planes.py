@@ -26,7 +26,7 @@ from math import sqrt
 from collision_sim.core.blocks import clear_of_others
 from collision_sim.core.broad_phase import radius_at
 from collision_sim.core.detection import approach
-from collision_sim.core.flight import fly
+from collision_sim.core.flight import fly, fly_calmly
 from collision_sim.core.impulses import doubtful_change, respond_to_slip, slip_of
 from collision_sim.core.jit import inlined, kernel, widest_vectors
 from collision_sim.core.laws import normal_impulse
@@ -58,13 +58,21 @@ def _height(poses, s, c, x):
 
 
 @inlined
-def _respond(wet, table, c, v, obj, n, v_n, dv_n):
+def _respond(rare, table, c, v, obj, n, v_n, dv_n):
     """Respond as impulses.respond, and say whether the size of the slip needs no scaling."""
     slip = slip_of(v, obj, n)
     square = dot(slip, slip)
     plain = square == 0.0 or SMALL_SQUARE < square < LARGE_SQUARE
-    after, stuck = respond_to_slip(wet, table, c, v, obj, n, v_n, dv_n, slip, sqrt(square))
+    after, stuck = respond_to_slip(rare, table, c, v, obj, n, v_n, dv_n, slip, sqrt(square))
     return after, stuck, plain
+
+
+@inlined
+def _fly(rare, flight, v):
+    """Fly as flight.fly; with `rare` None it is known that there is no quadratic drag."""
+    if rare is not None:
+        return fly(flight, v)
+    return fly_calmly(flight, v)
 
 
 @inlined
@@ -142,17 +150,17 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
 
 
 @inlined
-def _collide(wet, rules, table, poses, motion, step, start, end, c, s, count):
+def _collide(rare, rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
     widest_vectors()
     for i in range(count):
         x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[_at(RADIUS, i)]
         v_n, obj, n = _approach(poses, motion, step, start, end, c, x0, v0)
-        after, _, plain = _respond(wet, table, c, v0, obj, n, v_n,
+        after, _, plain = _respond(rare, table, c, v0, obj, n, v_n,
                                    normal_impulse(v_n, table[c, RESTITUTION]))
         hit, x1 = v_n < 0.0, _read(s, BETWEEN, i)
         touched = add_scaled(x1, -(_height(poses, end, c, x1) - r), n)
-        between = add_scaled(x0, rules.flight.dt, fly(rules.flight, after)[0])
+        between = add_scaled(x0, rules.flight.dt, _fly(rare, rules.flight, after)[0])
         settled = not hit or approach(after, obj, n) == 0.0
         inside = not hit or _height(poses, end, c, between) - r < 0.0
         done = (HIT if hit else 0.0) + (PRESSED if inside else 0.0)
@@ -164,7 +172,7 @@ def _collide(wet, rules, table, poses, motion, step, start, end, c, s, count):
 
 
 @inlined
-def _press(wet, rules, table, poses, motion, step, start, end, c, s, count):
+def _press(rare, rules, table, poses, motion, step, start, end, c, s, count):
     """Contact stage of a chunk, for those inside; places and velocities at the end."""
     widest_vectors()
     n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
@@ -173,16 +181,16 @@ def _press(wet, rules, table, poses, motion, step, start, end, c, s, count):
         hit, done = s[_at(SPEED, i)] < 0.0, s[_at(DONE, i)]
         gap = _height(poses, start, c, x0) - r
         rounding = ROUNDING * (largest(x0) + largest(origin(poses, start, c)))
-        u, w = fly(rules.flight, v)
+        u, w = _fly(rare, rules.flight, v)
         chord = chord_velocity(motion, poses, step, start, c, x0, dt)
         u_n = approach(u, chord, n)
-        u2, stuck, plain = _respond(wet, table, c, u, chord, n, u_n, 0.0 - u_n)
+        u2, stuck, plain = _respond(rare, table, c, u, chord, n, u_n, 0.0 - u_n)
         x2, du = add_scaled(x0, dt, u2), subtract(u2, u)
         obj = point_velocity(motion, poses, step, END, end, c, x2)
         w_n = approach(w, obj, n)
         dw_n = _end_change(motion, poses, step, end, c, x2, n, w_n, 2.0 * dot(du, n),
                            not hit and gap <= rounding)
-        slowed, _, plainer = _respond(wet, table, c, w, obj, n, w_n, dw_n)
+        slowed, _, plainer = _respond(rare, table, c, w, obj, n, w_n, dw_n)
         w2 = slowed if w_n < 0.0 else w
         place, near = _pushed(poses, end, c, r, n, x2, 0)
         place, nearer = _pushed(poses, end, c, r, n, place, 1)
@@ -224,7 +232,7 @@ def _leave_if_near(grid, present, margins, table, poses, start, end, c, s, count
         x, y, z = _rows(s, PLACE, count)
         x1, y1, z1 = _rows(s, BETWEEN, count)
         near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
-        clear_of_others(grid, present, table, poses, end, c, near, True, margins, x1, y1, z1,
+        clear_of_others(grid, present, table, poses, end, c, near, 1, margins, x1, y1, z1,
                         marks, cells, chosen)
         clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
                             marks, cells)
@@ -289,15 +297,20 @@ def _keep(s, rows, count, unanswered, left):
 
 
 @inlined
-def _answer_chunk(wet, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+def _answer_chunk(rare, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
                   cells, chosen):
-    """Answer the particles of a chunk, in loops without branches."""
+    """
+    Answer the particles of a chunk, in loops without branches.
+
+    rare: 1, or None where there is neither wet friction nor quadratic drag; motion: None for a
+    plane that stands still. What is known not to be there makes these loops up to a third faster.
+    """
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
-        _collide(wet, rules, table, poses, motion, step, start, end, c, s, full)
+        _collide(rare, rules, table, poses, motion, step, start, end, c, s, full)
         _leave_if_near(grid, rules.present, margins, table, poses, start, end, c, s, count, clear,
                        cells, chosen)
-    _press(wet, rules, table, poses, motion, step, start, end, c, s, full)
+    _press(rare, rules, table, poses, motion, step, start, end, c, s, full)
 
 
 @kernel
@@ -311,7 +324,7 @@ def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, lo
     count, left = _keep(s, TOUCHED, count, unanswered, left)
     if count == 0:
         return left
-    if table[c, WET] != 0.0:
+    if table[c, WET] != 0.0 or rules.flight.quadratic[0] > 0.0:
         _answer_chunk(1, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
                       cells, chosen)
     elif _is_still(motion, here.step, c):

@@ -74,18 +74,25 @@ def _sweep_margins(sweep, motion, step, table, margins):
 
 
 @inlined
-def _clear(sweep, grid, present, table, poses, end, radius, x, y, z, new, lengths, margins, clear,
-           scratch, chosen):
-    """Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends."""
+def _clear(sweep, grid, present, table, poses, end, uniform, radius, x, y, z, new, lengths,
+           margins, clear, scratch, chosen):
+    """
+    Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends.
+
+    Where all radii are the same, a number in place of an array takes a twentieth off a flight.
+    """
     n = clear.shape[0]
     x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]
     if sweep is not None:
         paths = lengths[:n]
         path_lengths(x, y, z, new, radius, paths)
-        clear_of_others(grid, present, table, poses, end, NONE, paths, True, margins, x1, y1, z1,
+        clear_of_others(grid, present, table, poses, end, NONE, paths, 1, margins, x1, y1, z1,
                         clear, scratch, chosen)
+    elif uniform:
+        clear_of_others(grid, present, table, poses, end, NONE, radius[0], None, margins, x1, y1,
+                        z1, clear, scratch, chosen)
     else:
-        clear_of_others(grid, present, table, poses, end, NONE, radius, False, margins, x1, y1,
+        clear_of_others(grid, present, table, poses, end, NONE, radius, None, margins, x1, y1,
                         z1, clear, scratch, chosen)
 
 
@@ -165,7 +172,7 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
     near = radius
     if radius.shape[0] > 1:
         near = radius[first:last]
-    same[:] = radius[0]
+    same[:], uniform = radius[0], radius.shape[0] == 1
     later = size * (upcoming - block) if upcoming != NO_PIECE else 0
     for step in range(row, row + steps):
         start, end, count = min(step, rows), min(step + 1, rows), 0
@@ -182,8 +189,8 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             _fly(lean, candidates, ledger, rules.flight, block, first + a, xt, yt, zt, ut, vt, wt,
                  new, scratch, ct)
             prefetch_row(xt, ahead)
-            _clear(rules.sweep, grid, rules.present, table, poses, end, rt, xt, yt, zt, new,
-                   lengths, margins, ct, scratch, chosen)
+            _clear(rules.sweep, grid, rules.present, table, poses, end, uniform, rt, xt, yt, zt,
+                   new, lengths, margins, ct, scratch, chosen)
             clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, turn, start,
                             end, rt, xt, yt, zt, new, ct, lengths)
             prefetch_row(yt, ahead)
