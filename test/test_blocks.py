@@ -17,6 +17,7 @@
 from math import sqrt
 
 from collision_sim.core import blocks, shapes
+from collision_sim.core.broad_phase import Grid
 from collision_sim.core.jit import WORD
 from collision_sim.core.rotation import rotation_matrix
 from numba import njit
@@ -30,11 +31,13 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 @njit
 def touching(table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
-    present = shapes.Present(1, 1, 1, 1, 1, None)
+    present, all_of = shapes.Present(None), np.arange(table.shape[0])
     count, clear = x.shape[1], np.ones(x.shape[1] + WORD)
     found, distance = np.empty(count, dtype=np.int64), np.empty(count)
-    blocks.clear_of_others(None, present, table, poses, 0, blocks.NONE, radius, None, None,
-                           x[0], x[1], x[2], clear[:count], None, None)
+    none, nowhere = np.empty(0, dtype=np.int64), (0.0, 0.0, 0.0)
+    grid = Grid(nowhere, nowhere, nowhere, (0, 0, 0), none, none, all_of)
+    blocks.clear_of_others(grid, present, table, poses, 0, blocks.NONE, radius, None,
+                           np.zeros(all_of.size), x[0], x[1], x[2], clear[:count], clear, all_of)
     n = blocks.collect(clear, count, found, 0)
     for i in range(count):
         point = (x[0, i], x[1, i], x[2, i])

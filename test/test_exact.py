@@ -37,8 +37,8 @@ import pytest
 from small_scenes import EPSILON
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, None), Present(1, 1, 1, 1, 1),
-              1, 1, 1, 1, 10, False, 0.1, 10.0)
+RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(None),
+              True, True, 1, True, 10, False, 0.1, 10.0)
 FORCES = acting_forces(Scene.from_dict({'drag': {'linear': 1.0}}))     # a path has its own
 COUNT, FINEST = 300, 1e-4       # queries, and finest step of the search by brute force
 MOTIONS = ('rest', 'shift', 'swing', 'turn', 'spin', 'all')

@@ -49,7 +49,7 @@ def test_coefficients_of_gravity():
     ballistic = flight_coefficients(GRAVITY, None, 0.5, 'ballistic')
     assert_array_equal(ballistic.end_shift, np.array(GRAVITY) * 0.5)
     assert_array_equal(ballistic.mean_shift, np.array(GRAVITY) * 0.25)
-    assert ballistic.gains is None and ballistic.quadratic is None
+    assert ballistic.gains == (1.0, 1.0) and ballistic.quadratic == (0.0, 0.0, 0.0, 0.0)
     euler = flight_coefficients(GRAVITY, None, 0.5, 'symplectic_euler')
     assert euler.end_shift == euler.mean_shift == ballistic.end_shift
 
@@ -66,7 +66,7 @@ def test_coefficients_of_drag():
     assert euler.gains == (e0, e0)
 
 
-def test_neutral_drag_is_none():
+def test_neutral_drag_is_that_of_no_drag():
     """Coefficients of 0 leave nothing to compute."""
     neutral = flight_coefficients(GRAVITY, Drag(wind=(9.0, 9.0, 9.0)), 0.1, 'ballistic')
     assert neutral == flight_coefficients(GRAVITY, None, 0.1, 'ballistic')

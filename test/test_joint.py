@@ -86,7 +86,7 @@ def test_contacts_end_every_approach(seed, ratio, friction):
     first = 0
     for g in range(group_contacts(pile, len(pile.bodies), contacts)):
         count = pile.group[g + 1] - pile.group[g]
-        settle_group(1, None, table, 0.5, (0.0, 0.0, 0.0), pile, first, count, make_room())
+        settle_group(True, False, table, 0.5, (0.0, 0.0, 0.0), pile, first, count, make_room())
         first += count
     speeds = normal_speeds(pile, contacts, ENDING)
     pressing = np.sum(pile.contacts[:, IMPULSE:IMPULSE + 3] * pile.contacts[:, NORMAL:NORMAL + 3],
@@ -109,7 +109,7 @@ def test_collisions_give_back_what_restitution_allows(seed, ratio, restitution):
         first, before = 0, energy(pile, FREE)
         for g in range(group_contacts(pile, len(pile.bodies), contacts)):
             count = pile.group[g + 1] - pile.group[g]
-            collide_group(None, None, laws(0.0, e), pile, first, count, make_room())
+            collide_group(False, False, laws(0.0, e), pile, first, count, make_room())
             first += count
         ends.append(energy(pile, ENDING))
     assert before - ends[1] == pytest.approx((1.0 - restitution ** 2) * (before - ends[0]),
@@ -135,7 +135,7 @@ def test_impulses_are_finite_where_rounding_takes_energy_below_nothing():
     for speed in np.random.default_rng(5).uniform(0.1, 3.0, 50):
         pile = between_closing_bodies(speed)
         with np.errstate(all='raise'):
-            collide_group(None, None, laws(0.0, 0.0), pile, 0, 3, make_room())
+            collide_group(False, False, laws(0.0, 0.0), pile, 0, 3, make_room())
         assert np.isfinite(pile.contacts[:3, IMPULSE:IMPULSE + 3]).all()
         assert np.abs(pile.bodies[:, ENDING:ENDING + 3]).max() <= 1.01 * speed
 
@@ -153,7 +153,7 @@ def test_friction_of_a_light_ball_between_heavy_ones_is_found():
         pile.contacts[c, MASS] = 1.0 / (pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE])
         pile.contacts[c, END_BOUND] = pile.contacts[c, MEAN_BOUND] = 0.0
     pile.member[:3] = 0, 1, 2
-    friction = settle_group(1, None, laws(0.3), 0.5, (0.0, 0.0, 0.0), pile, 0, 3, make_room())
+    friction = settle_group(True, False, laws(0.3), 0.5, (0.0, 0.0, 0.0), pile, 0, 3, make_room())
     assert friction == FOUND
     for c, (a, b) in enumerate(((2, 1), (1, 0), (0, 3))):
         slip = pile.bodies[a, ENDING:ENDING + 2] - pile.bodies[b, ENDING:ENDING + 2]

@@ -28,8 +28,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 from small_scenes import box, EPSILON, FAR, G, METHODS, plane, simulate, sphere
 
-RULES = Rules(Flight(0.01, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, None),
-              Present(1, None, None, None, None), 1, 1, None, 1, 10, False, 0.1, 10.0)
+RULES = Rules(Flight(0.01, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+              Present(None), True, True, None, True, 10, False, 0.1, 10.0)
 every_method = pytest.mark.parametrize('method', METHODS)
 components = st.floats(-1e3, 1e3)
 velocities = st.tuples(components, components, components)

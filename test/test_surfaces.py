@@ -27,8 +27,8 @@ from numpy.testing import assert_allclose
 import pytest
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, None), Present(1, 1, 1, 1, 1),
-              1, 1, 1, 1, 10, False, 0.1, 10.0)
+RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(None),
+              True, True, 1, True, 10, False, 0.1, 10.0)
 HERE = surfaces.Spot(0, 0, 0, 0, 0, 0.0, None, None, None, 0.0)
 SIZES, RADIUS = (0.7, 0.5, 0.9), 0.05
 COUNTS = {PLANE: 1, SPHERE: 1, BOX: 6, CAPSULE: 1, CYLINDER: 3}

@@ -29,7 +29,7 @@ import pytest
 from small_scenes import EPSILON
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-PRESENT = Present(1, 1, 1, 1, 1)
+PRESENT = Present(None)
 COUNT = 2000
 SAMPLES = 3000                  # on a path, to find what first_hit misses
 FINER = 2000                    # between two of them, to find what sampling misses
@@ -197,7 +197,7 @@ def one(kind, size=(0.0, 0.0, 0.0), side=1.0, shift=UNTURNED, turn=UNTURNED, x0=
     table, poses = np.zeros((1, COLUMNS)), np.zeros((1, 1, 12))
     table[0, KIND], table[0, SIDE], table[0, SIZE:SIZE + 3] = SHAPES[kind], side, size
     poses[0, 0, :9], poses[0, 0, 9:] = np.eye(3).ravel(), position
-    motion = None if still else np.zeros((1, 1, MOTION))
+    motion = np.zeros((1, 1, MOTION))
     if not still:
         motion[0, 0, SHIFT:SHIFT + 3], motion[0, 0, TURN:] = shift, turn
     tau, n, arm, decided = first_hits(PRESENT, table, poses, motion, np.array([radius]),
@@ -375,7 +375,8 @@ def test_sweep_margin():
     motion[0, 0, SHIFT:SHIFT + 3] = (3.0, 0.0, 4.0)
     assert margin(1, motion, ball) == margin(1, motion, ground) == 5.0
     assert margin(None, motion, ball) == 0.0
-    assert margin(1, None, ball) == margin(1, None, ground) == 0.0
+    still = np.zeros((1, 1, MOTION))
+    assert margin(1, still, ball) == margin(1, still, ground) == 0.0
     motion[0, 0, TURN:] = (0.0, 0.0, 0.2)
     assert margin(1, motion, ground) == inf
     # a corner of the bar goes at most by the chord of its circle

@@ -109,7 +109,7 @@ def flight_coefficients(gravity, drag, dt, flight):
         e1, mean = e0, end
     c = 0.5 * dt * drag.quadratic if drag else 0.0
     return Flight(float(dt), tuple(end.tolist()), tuple(mean.tolist()), (float(e0), float(e1)),
-                  (float(c), *wind.tolist()))
+                  (float(c), *(wind.tolist() if c > 0.0 else (0.0, 0.0, 0.0))))
 
 
 @formula
