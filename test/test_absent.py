@@ -20,6 +20,7 @@ neither the number of threads nor the grouping of the steps may be seen in a res
 """
 
 from collision_sim import Scene, Simulation
+from collision_sim.core.stepping import step_blocks
 import numpy as np
 import pytest
 from small_scenes import METHODS, plane, sphere, UPRIGHT
@@ -233,3 +234,25 @@ def test_same_input_twice(method):
     second.reset()
     second.step(200)
     assert_same(first, second)
+
+
+VALUES = {
+    'shapes': {'colliders': [GROUND, BALL, {'name': 'rod', 'shape': 'capsule', 'radius': 0.1,
+                                            'length': 1.0, 'position': [0.0, 1.0, 0.3]}]},
+    'many': {'colliders': [GROUND, *(sphere(0.2, (0.5 * k, 1.0, 0.2), name=f'ball{k}')
+                                     for k in range(9))]},
+    'moving': {'colliders': [GROUND, sphere(0.5, (0.3, 0.0, 0.3), motion={
+        'angular_velocity': [0.0, 0.0, 1.0]})]},
+    'friction': {'friction': {'dry': 0.3}}, 'wet': {'friction': {'wet': 1.0}},
+    'drag': {'drag': {'linear': 0.5, 'quadratic': 0.1}},
+    'radius': {'particles': {'radius': 0.05}}, 'radii': {'particles': {'radius': [0.05, *[0.1] * (COUNT - 1)]}},
+    'silent': {'contacts': False}, 'one by one': {'method': 'multi_pass'}}
+
+
+@pytest.mark.parametrize('name', VALUES)
+def test_a_value_compiles_nothing(name):
+    """Scenes that differ by values run the same machine code."""
+    run(steps=1)
+    known = set(step_blocks.signatures)
+    run(steps=1, **VALUES[name])
+    assert set(step_blocks.signatures) == known
