@@ -245,7 +245,8 @@ VALUES = {
         'angular_velocity': [0.0, 0.0, 1.0]})]},
     'friction': {'friction': {'dry': 0.3}}, 'wet': {'friction': {'wet': 1.0}},
     'drag': {'drag': {'linear': 0.5, 'quadratic': 0.1}},
-    'radius': {'particles': {'radius': 0.05}}, 'radii': {'particles': {'radius': [0.05, *[0.1] * (COUNT - 1)]}},
+    'radius': {'particles': {'radius': 0.05}},
+    'radii': {'particles': {'radius': [0.05, *[0.1] * (COUNT - 1)]}},
     'silent': {'contacts': False}, 'one by one': {'method': 'multi_pass'}}
 
 

@@ -80,9 +80,8 @@ def own_radius(radius, i):
 
 
 if not config.DISABLE_JIT:
-    @overload(own_radius)
+    @overload(own_radius)       # chooses by the type
     def _own_radius(radius, i):
-        """Choose by the type of the radius."""
         if isinstance(radius, types.Array):
             return lambda radius, i: radius[i]
         return lambda radius, i: radius

@@ -359,6 +359,8 @@ def answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
         Without cells in scenes of few colliders.
     rules, table, poses, motion, log, accounts
         As in response.resolve.
+    margins : (C,) float64
+        Zeros: nobody sweeps.
     here : rules.Here
         Step, rows of poses and block; no particle.
     radius : (B,) or (1,) float64 [m]
