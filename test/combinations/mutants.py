@@ -37,7 +37,7 @@ MUTANTS = (
     ('a radius left out of the grid', 'core/broad_phase.py',
      '256.0 * EPSILON * abs(place) + reach', '256.0 * EPSILON * abs(place)'),
     ('an impulse recorded twice', 'core/response.py',
-     'log[b, rows, CHANGE + d] = dv[d]', 'log[b, rows, CHANGE + d] = 2.0 * dv[d]'),
+     'log[b, row, CHANGE + d] = dv[d]', 'log[b, row, CHANGE + d] = 2.0 * dv[d]'),
     ('the last collider comes first', 'core/detection.py',
      'if phi_k < phi:', 'if True:'),
     ('of two that are as deep the first acts alone', 'core/response.py',
@@ -74,14 +74,23 @@ MUTANTS = (
     ('a turn that is only rounding steps over a surface', 'core/trajectory.py',
      'return 2.0 * above / (root - slope)', 'return (slope + root) / bend'),
     ('a particle falls into a seam', 'core/paths.py',
-     'if rate >= -rounding and face == 0 and side > 0.0:', 'if False:'),
+     'if abs(rate) <= rounding and face == 0 and side > 0.0:', 'if False:'),
     ('a counter that a reset keeps', 'simulation.py',
      'self._accounts[:] = 0\n', 'self._accounts[:] *= 1\n'),
 )
 
 
+def check():
+    """Raise ValueError if the words of a mutant do not stand once in its file."""
+    for name, file, words, _ in MUTANTS:
+        times = (Path(collision_sim.__file__).parent / file).read_text().count(words)
+        if times != 1:
+            raise ValueError(f'{name}: {words!r} stands {times} times in {file}, not once')
+
+
 def hunt(seed, minutes):
     """Search for each mutant; 1 if one is not found within some minutes."""
+    check()
     missed = 0
     for name, file, words, others in MUTANTS:
         with tempfile.TemporaryDirectory() as folder:
@@ -100,10 +109,7 @@ def _write(folder, file, words, others):
     copy = folder / 'collision_sim'
     shutil.copytree(Path(collision_sim.__file__).parent, copy,
                     ignore=shutil.ignore_patterns('__pycache__'))
-    source = (copy / file).read_text()
-    if source.count(words) != 1:
-        raise ValueError(f'{file}: {words!r} stands there {source.count(words)} times, not once')
-    (copy / file).write_text(source.replace(words, others))
+    (copy / file).write_text((copy / file).read_text().replace(words, others))
 
 
 def _search(folder, seed, seconds):

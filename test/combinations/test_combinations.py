@@ -29,8 +29,9 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FAILURES = sorted((Path(__file__).parent / 'failures').glob('*.yaml'))
-OPEN = sorted((Path(__file__).parent / 'failures' / 'open').glob('*.yaml'))
+HERE = Path(__file__).parent
+FAILURES = sorted((HERE / 'failures').glob('*.yaml'))
+OPEN = sorted((HERE / 'failures' / 'open').glob('*.yaml'))
 
 
 def combinations(*options):
@@ -58,6 +59,13 @@ def test_scenes_of_the_day():
     if code != 0 and OPEN:
         pytest.skip(f'{len(OPEN)} failures are open; found: {told[-3000:]}')
     assert code == 0, told
+
+
+def test_mutants_change_what_is_there():
+    """Else a fault that the search is to find would not be in what it searches."""
+    code = f'import sys; sys.path[:0] = [{str(HERE)!r}]; import mutants; mutants.check()'
+    subprocess.run([sys.executable, '-c', code], check=True,
+                   env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
 
 
 @pytest.mark.slow
