@@ -251,7 +251,7 @@ def test_kept_answers_are_those_to_the_same_question():
     starts = np.stack([a[0], a[0], a[0], a[0], a[1]], axis=1).reshape(-1, 3)
     ends = np.stack([b[0], b[0], b[0], b[1], b[1]], axis=1).reshape(-1, 3)
     radius = np.tile([0.02, 0.02, 0.1, 0.1, 0.1], len(a[0]))
-    asked = follow_all(np.empty((0, ANSWERS)), meshes, starts, ends, radius)
+    asked = follow_all(np.empty((0, mesh_way.ANSWERS)), meshes, starts, ends, radius)
     answers = mesh_way.keep_answers(meshes, np.zeros((1, 1)))
     assert np.array_equal(follow_all(answers, meshes, starts, ends, radius), asked)
     rows = asked.reshape(-1, 5, 9)
