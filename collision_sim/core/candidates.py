@@ -15,9 +15,9 @@
 """
 Candidates of particles that act on each other: springs and pairs change them before colliders do.
 
-Without such forces a candidate is the free flight (flight.py) and has no arrays. With them the
-mean velocity u and the end velocity w of every particle are laid out here, first those of the free
-flight, then with what springs and pairs add; response.py starts from them.
+Without such forces a candidate is the free flight (flight.py), and none is laid out (NOBODY). With
+them the mean velocity u and the end velocity w of every particle are laid out here, first those of
+the free flight, then with what springs and pairs add; response.py starts from them.
 """
 
 from typing import NamedTuple

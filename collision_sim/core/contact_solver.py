@@ -322,8 +322,9 @@ def solve(pushes, work, phase, dry, wet, laws, pile):
 
     Parameters
     ----------
-    pushes : int or None
-        None: impulses, with friction, on the end velocities. 1: pushes on the mean velocities.
+    pushes : bool
+        Whether they are pushes on the mean velocities, else impulses, with friction, on those at
+        the end.
     work : Work
         How; its progress and totals are written.
     phase : int

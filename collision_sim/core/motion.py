@@ -254,7 +254,7 @@ def chord_velocity(motion, poses, step, start, c, point, dt):
     Parameters
     ----------
     motion : (S, C, MOTION) float64 or None
-        None where no collider moves.
+        None where it is known that the collider does not move (planes.py).
     poses : (S + 1, C, 12) float64
         Poses of all colliders.
     step, start, c : int

@@ -183,8 +183,8 @@ def lay_out_cells(posted, counters, progress, cells, chunk_counts, bounds, flies
         Scratch.
     bounds : (blocks, BOUNDS) float64 [m]
         Scratch; without `sweep` its last column has the largest extent.
-    flies : int or None
-        1: candidates are free flights, and are laid out here first. None: they are laid out.
+    flies : bool
+        Whether candidates are free flights, which are laid out here first; else they are.
     sweep : int or None
         1: particles are near where their paths are; None: where their paths end.
     flight, ledger, x, v, candidates

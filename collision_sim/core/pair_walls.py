@@ -75,12 +75,12 @@ class Stage(NamedTuple):
     """
     What the stages of a step between particles work on.
 
-    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory, cells,
-    moved, pile, candidates: of the modules that say so; table, poses, motion, log, accounts,
-    ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. Nearly all are written. Where
-    nothing moves the motion is zero, where nothing is logged the log has no room: so a scene with
-    either compiles nothing. moves: whether a collider moves; bounces: whether contacts with
-    colliders are elastic, as there is no collision stage (`single_pass` and `multi_pass`).
+    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory,
+    cells, moved, pile, candidates: of the modules that say so; table, poses, motion, log,
+    accounts, ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. everyone (C,):
+    all colliders. Nearly all are written. moves: whether a collider moves; bounces: whether
+    contacts with colliders are elastic, as there is no collision stage (`single_pass` and
+    `multi_pass`).
     """
 
     rules: Rules

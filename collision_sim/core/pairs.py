@@ -24,7 +24,7 @@ through each other.
 """
 
 from math import inf, sqrt
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.core.jit import entry, inlined, kernel, prefetch
 from collision_sim.core.lines import in_lines
@@ -55,18 +55,18 @@ class Matter(NamedTuple):
 
 class PairRules(NamedTuple):
     """
-    What pairs do; absent friction is None.
+    What pairs do.
 
-    laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: 1 if pairs
-    have such friction; slow [m/s]: what gravity does in a step, up to which who pressed on
-    each other does not collide; part [-]: what the mean velocity gets of what a constant force
-    gives to the end velocity; pull (3,) [m/s]: what gravity adds to that. Wind is left out: it
-    is another one in another frame.
+    laws (C + 1, shapes.COLUMNS): laws of the colliders and, last, of pairs; dry, wet: whether
+    pairs have such friction; slow [m/s]: what gravity does in a step, up to which who pressed
+    on each other does not collide; part [-]: what the mean velocity gets of what a constant
+    force gives to the end velocity; pull (3,) [m/s]: what gravity adds to that. Wind is left
+    out: it is another one in another frame.
     """
 
     laws: np.ndarray
-    dry: Optional[int]
-    wet: Optional[int]
+    dry: bool
+    wet: bool
     slow: float
     part: float
     pull: tuple

@@ -259,8 +259,8 @@ def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
     ----------
     present, table, poses
         As in shapes.signed_distance.
-    motion : (S, C, MOTION) float64 or None
-        None where no collider moves.
+    motion : (S, C, MOTION) float64
+        How the colliders move in each step.
     step, row, c : int
         Row of motion, row of poses at the start of the step, collider.
     radius : float [m]
