@@ -24,19 +24,14 @@ level, or, if he flies farther than a cell of it is wide, in a list.
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.cells import (coordinate, EXTENT, FIRST, LEVELS, LOW, MASK, PLACE,
-                                      POINTS, slot_of, SLOTS, STRIDE_Y, STRIDE_Z)
-from collision_sim.core.jit import inlined, kernel, prefetch
+from collision_sim.core.cells import (coordinate, EXTENT, FIRST, LEVELS, LOW, MASK, POINTS,
+                                      slot_of, SLOTS, STRIDE_Y, STRIDE_Z)
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import NONE
 import numpy as np
 
 SHORT = 0.125           # share of the width of the finest cells: so far is not moved
 MOST_CELLS = 100        # looked through one by one; of more, all particles of the level
-WIDE = 3.0              # cells that a query asks for ahead; more of them are near by themselves
-SHORT_RUN = 4           # rows of a run that are listed without a branch
-QUEUE = 64              # rows that are listed before they are tested
-BLOCK = 6               # bits of a slot: so many slots share a mark
-MARKS = 4096            # of blocks of slots, over and over
 
 
 class Moved(NamedTuple):
@@ -49,9 +44,7 @@ class Moved(NamedTuple):
     the grid has it; away (N,) [m]: how far it has moved at most; who (N,) int64: those that have;
     found (N,) int64: who is near; size (5,) int64: how many have moved, how many are found, how
     often was looked, levels of the grid, how many are in slots; seen (N,) int64: in which look a
-    particle was found last; queue (QUEUE + SHORT_RUN,) int64: rows that wait to be tested; marks
-    (MARKS,) int8: 1 for blocks of slots that may have somebody; gone (N,) int8: 1 for who has
-    moved.
+    particle was found last.
     """
 
     centre: np.ndarray
@@ -64,9 +57,6 @@ class Moved(NamedTuple):
     found: np.ndarray
     size: np.ndarray
     seen: np.ndarray
-    queue: np.ndarray
-    marks: np.ndarray
-    gone: np.ndarray
 
 
 def make_moved(centre, extent, slots):
@@ -76,14 +66,7 @@ def make_moved(centre, extent, slots):
                  np.empty(count, dtype=np.int64), np.full(count, NONE, dtype=np.int64),
                  np.zeros(count), np.empty(count, dtype=np.int64),
                  np.empty(count, dtype=np.int64), np.zeros(5, dtype=np.int64),
-                 np.zeros(count, dtype=np.int64), np.empty(QUEUE + SHORT_RUN, dtype=np.int64),
-                 np.zeros(MARKS, dtype=np.int8), np.zeros(count, dtype=np.int8))
-
-
-@inlined
-def _mark_of(slot):
-    """Mark of the block that a slot is in."""
-    return (slot >> BLOCK) & (MARKS - 1)
+                 np.zeros(count, dtype=np.int64))
 
 
 @kernel
@@ -93,8 +76,7 @@ def begin_moves(cells, moved):
         i = moved.who[k]
         if moved.slot[i] != NONE:
             moved.head[moved.slot[i]] = NONE
-            moved.marks[_mark_of(moved.slot[i])] = 0
-        moved.slot[i], moved.away[i], moved.gone[i] = NONE, 0.0, 0
+        moved.slot[i], moved.away[i] = NONE, 0.0
     moved.size[0] = moved.size[3] = moved.size[4] = 0
     for k in range(LEVELS):
         if cells.levels[k, SLOTS] > 0 and k != POINTS:
@@ -149,7 +131,7 @@ def move(cells, moved, i, centre, extent, shift):
     if shift == 0.0:
         return
     if moved.away[i] == 0.0:
-        moved.who[moved.size[0]], moved.gone[i] = i, 1
+        moved.who[moved.size[0]] = i
         moved.size[0] += 1
     moved.away[i] += shift
     if moved.slot[i] != NONE:
@@ -160,36 +142,6 @@ def move(cells, moved, i, centre, extent, shift):
         slot = _slot_for(cells, moved, centre, extent)
         moved.size[4] += moved.slot[i] == NONE
         moved.slot[i], moved.behind[i], moved.head[slot] = slot, moved.head[slot], i
-        moved.marks[_mark_of(slot)] = 1
-
-
-@inlined
-def ask_for_cells(cells, moved, centre, extent, rows):
-    """
-    Ask for what `find_around` will soon need for a centre and an extent [m]: it is far in memory.
-
-    First for where the rows of the cells begin, then, if `rows`, for these. Only where all
-    particles are in one level that has a slot for each cell.
-    """
-    levels, inverse = cells.levels, cells.inverse[0]
-    reach = extent + 0.5 / inverse + short_way(cells, moved)
-    if moved.size[3] != 1 or not _is_plain(levels, 0) or not 2.0 * reach * inverse <= WIDE:
-        return
-    ax, bx, ay, by, az, bz = _plain_box(
-        levels, 0, coordinate(inverse, centre[0] - reach), coordinate(inverse, centre[0] + reach),
-        coordinate(inverse, centre[1] - reach), coordinate(inverse, centre[1] + reach),
-        coordinate(inverse, centre[2] - reach), coordinate(inverse, centre[2] + reach))
-    if ax <= bx:
-        for c in range(az, bz + 1):
-            for b in range(ay, by + 1):
-                slot = ax + levels[0, STRIDE_Y] * b + levels[0, STRIDE_Z] * c
-                if rows:
-                    row, last = cells.start[slot], cells.start[slot + bx - ax + 1] - 1
-                    prefetch(cells.rows, PLACE * row)
-                    prefetch(cells.rows, PLACE * last)
-                    prefetch(cells.particle, row)
-                else:
-                    prefetch(cells.start, slot)
 
 
 @inlined
@@ -223,79 +175,25 @@ def _test_lists(moved, i, first, last):
 
 
 @inlined
-def _test_row(cells, moved, i, row):
-    """Append the particle of a row, if it is near particle i and not in a slot."""
-    j = int(cells.particle[row])
-    if moved.gone[j] == 0:
-        limit = moved.extent[i] + cells.rows[row, EXTENT]
-        if _distance_2(cells, moved, i, row) < limit * limit:
-            _append(moved, j)
-    elif moved.slot[j] == NONE:
-        _test(moved, i, j)
-
-
-@inlined
-def _distance_2(cells, moved, i, row):
-    """Square of the distance [m^2] of particle i to where the grid has that of a row."""
-    rows = cells.rows
-    dx, dy = rows[row, 0] - moved.centre[0, i], rows[row, 1] - moved.centre[1, i]
-    dz = rows[row, 2] - moved.centre[2, i]
-    return dx * dx + dy * dy + dz * dz
-
-
-@inlined
 def _test_rows(cells, moved, i, way, first, last):
     """Test those that are near where the grid has them, in some rows of it."""
+    rows, x, y, z = cells.rows, moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     for row in range(first, last):
-        limit = cells.rows[row, EXTENT] + moved.extent[i] + way
-        if _distance_2(cells, moved, i, row) < limit * limit:
-            _test_row(cells, moved, i, row)
+        dx, dy, dz = rows[row, 0] - x, rows[row, 1] - y, rows[row, 2] - z
+        limit = rows[row, EXTENT] + moved.extent[i] + way
+        if dx * dx + dy * dy + dz * dz < limit * limit:
+            j = int(cells.particle[row])
+            if moved.slot[j] == NONE:
+                _test(moved, i, j)
 
 
 @inlined
-def _test_queue(cells, moved, i, way, waiting):
-    """Test the rows that wait: first all without a branch, then those that may be near."""
-    queue, extent, kept = moved.queue, moved.extent[i], 0
-    for k in range(waiting):
-        row = queue[k]
-        limit = cells.rows[row, EXTENT] + extent + way
-        queue[kept] = row
-        kept += _distance_2(cells, moved, i, row) < limit * limit
-    for k in range(kept):
-        _test_row(cells, moved, i, queue[k])
-
-
-@inlined
-def _list_run(cells, moved, i, way, waiting, first, last):
-    """Let the rows of a run wait; how many do then."""
-    if last - first > SHORT_RUN or waiting > QUEUE:
-        _test_queue(cells, moved, i, way, waiting)
-        _test_rows(cells, moved, i, way, first, last)
-        return 0
-    for k in range(SHORT_RUN):
-        moved.queue[waiting + k] = first + k
-    return waiting + last - first
-
-
-@inlined
-def _may_have_moved_to(moved, slot, count):
-    """Whether somebody may have moved to a run of slots."""
-    return moved.size[4] > 0 and (
-        count > 1 << BLOCK or moved.marks[_mark_of(slot)] != 0
-        or moved.marks[_mark_of(slot + count - 1)] != 0)
-
-
-@inlined
-def _test_run(cells, moved, k, i, way, waiting, slot, count):
-    """Test all in a run of slots of level k, or let them wait; how many do then."""
+def _test_run(cells, moved, k, i, way, slot, count):
+    """Test all in a run of slots of level k."""
     first = cells.levels[k, FIRST] + slot
-    waiting = _list_run(cells, moved, i, way, waiting, cells.start[first],
-                        cells.start[first + count])
-    if k == 0 and _may_have_moved_to(moved, slot, count):
-        _test_queue(cells, moved, i, way, waiting)
+    _test_rows(cells, moved, i, way, cells.start[first], cells.start[first + count])
+    if k == 0 and moved.size[4] > 0:
         _test_lists(moved, i, slot, slot + count)
-        return 0
-    return waiting
 
 
 @inlined
@@ -311,22 +209,12 @@ def _test_all(cells, moved, k, i, way):
 
 
 @inlined
-def _plain_box(levels, k, ax, bx, ay, by, az, bz):
-    """Cells of a box that are in level k, counted from its first ones."""
-    wide, high = levels[k, STRIDE_Y], levels[k, STRIDE_Z]
-    ax, bx = max(ax - levels[k, LOW], 0), min(bx - levels[k, LOW], wide - 1)
-    ay, by = max(ay - levels[k, LOW + 1], 0), min(by - levels[k, LOW + 1], high // wide - 1)
-    az = max(az - levels[k, LOW + 2], 0)
-    return ax, bx, ay, by, az, min(bz - levels[k, LOW + 2], levels[k, SLOTS] // high - 1)
-
-
-@inlined
 def _look_in(cells, moved, k, i):
     """Look for those that are near particle i in level k."""
     levels, inverse = cells.levels, cells.inverse[k]
     way = short_way(cells, moved)
     reach = moved.extent[i] + 0.5 / inverse + way
-    x, y, z, waiting = moved.centre[0, i], moved.centre[1, i], moved.centre[2, i], 0
+    x, y, z = moved.centre[0, i], moved.centre[1, i], moved.centre[2, i]
     ax, bx = coordinate(inverse, x - reach), coordinate(inverse, x + reach)
     ay, by = coordinate(inverse, y - reach), coordinate(inverse, y + reach)
     az, bz = coordinate(inverse, z - reach), coordinate(inverse, z + reach)
@@ -334,12 +222,14 @@ def _look_in(cells, moved, k, i):
         _test_all(cells, moved, k, i, way)
     elif _is_plain(levels, k):
         wide, high = levels[k, STRIDE_Y], levels[k, STRIDE_Z]
-        ax, bx, ay, by, az, bz = _plain_box(levels, k, ax, bx, ay, by, az, bz)
+        ax, bx = max(ax - levels[k, LOW], 0), min(bx - levels[k, LOW], wide - 1)
+        ay, by = max(ay - levels[k, LOW + 1], 0), min(by - levels[k, LOW + 1], high // wide - 1)
+        az = max(az - levels[k, LOW + 2], 0)
+        bz = min(bz - levels[k, LOW + 2], levels[k, SLOTS] // high - 1)
         if ax <= bx:
             for c in range(az, bz + 1):
                 for b in range(ay, by + 1):
-                    waiting = _test_run(cells, moved, k, i, way, waiting,
-                                        ax + wide * b + high * c, bx - ax + 1)
+                    _test_run(cells, moved, k, i, way, ax + wide * b + high * c, bx - ax + 1)
     else:
         width = 1.0 / inverse
         for c in range(az, bz + 1):
@@ -347,8 +237,7 @@ def _look_in(cells, moved, k, i):
                 for a in range(ax, bx + 1):
                     slot = slot_of(cells.inverse, levels, k, (a + 0.5) * width, (b + 0.5) * width,
                                    (c + 0.5) * width)
-                    waiting = _test_run(cells, moved, k, i, way, waiting, slot, 1)
-    _test_queue(cells, moved, i, way, waiting)
+                    _test_run(cells, moved, k, i, way, slot, 1)
 
 
 @kernel

@@ -306,8 +306,7 @@ else:
         """
         def generate(context, builder, signature, arguments):
             entries = make_array(signature.args[0])(context, builder, arguments[0])
-            place = builder.bitcast(builder.gep(entries.data, [arguments[1]]),
-                                    ir.IntType(8).as_pointer())     # of all arrays alike
+            place = builder.gep(entries.data, [arguments[1]])
             flag = ir.IntType(32)
             function = cgutils.get_or_insert_function(
                 builder.module, ir.FunctionType(ir.VoidType(), [place.type, flag, flag, flag]),

@@ -39,13 +39,13 @@ deepest, or earliest, for both of their particles. Nothing depends on the order 
 
 from math import inf
 
-from collision_sim.core.around import ask_for_cells, begin_moves, find_around, move
+from collision_sim.core.around import begin_moves, find_around, move
 from collision_sim.core.candidates import fly_anew
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE, IMPULSE, INVERSE,
                                                LAW_ROW, MASS, NORMAL, put_at)
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.impulses import dry_factor, wet_factor
-from collision_sim.core.jit import entry, inlined, kernel, prefetch
+from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.joint import collide_group, make_room, MOST, OPEN
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
@@ -53,8 +53,8 @@ from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_memory import BLURRED, recall
 from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, LEFT, list_thrown,
                                            look_at_walls, meet_walls, ORDER, WALL, WHERE)
-from collision_sim.core.pairs import (AHEAD, BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD,
-                                      HITS, look_at, MOVED, NEAR, put, SECOND, SOONEST, STATES)
+from collision_sim.core.pairs import (BLUR, BUSY, can_meet, column, DRIFT, FIRST, HEAD, HITS,
+                                      look_at, MOVED, NEAR, put, SECOND, SOONEST)
 from collision_sim.core.response import collide as collide_with_collider
 from collision_sim.core.response import record
 from collision_sim.core.rules import (account_of, COLLISION, N_COLLISION, N_PAIR_COLLISION,
@@ -157,50 +157,22 @@ def _is_listed(meetings, i, j):
 
 
 @inlined
-def _ask_for_particle(stage, base, k):
-    """Ask for what `follow` needs of the one with number k of those who have collided."""
-    if k < stage.meetings.size[3]:
-        i, count, moved = stage.meetings.fresh[k], stage.x.shape[1], stage.moved
-        prefetch(stage.meetings.states, STATES * i)
-        prefetch(base, i)
-        prefetch(moved.away, i)
-        prefetch(moved.slot, i)
-        for d in range(3):
-            prefetch(stage.x, d * count + i)
-            prefetch(stage.candidates.u, d * count + i)
-            prefetch(moved.centre, d * count + i)
-
-
-@inlined
-def _ask_for(stage, base, rows, k):
-    """Ask for the cells around where the one with number k of those who have collided is now."""
-    if k < stage.meetings.size[3]:
-        i = stage.meetings.fresh[k]
-        centre, extent = _path(stage, i, base[i])
-        ask_for_cells(stage.cells, stage.moved, centre, extent, rows)
-
-
-@inlined
-def _path(stage, i, base):
-    """Centre and extent [m] of the path of particle i, which has an extent without it."""
-    u, dt = column(stage.candidates.u, i), stage.rules.flight.dt
-    if stage.rules.sweep is None:
-        return add_scaled(column(stage.x, i), dt, u), base
-    return add_scaled(column(stage.x, i), 0.5 * dt, u), base + 0.5 * dt * length(u)
-
-
-@inlined
 def follow(stage, i, base, tolerance):
     """
     List the pairs of who is near the path of particle i now; how many there are more.
 
     Nothing is to be done if it ends no farther than `tolerance` [m] from where it was found.
     """
-    moved, meetings, shift = stage.moved, stage.meetings, stage.meetings.states[i, DRIFT]
+    moved, meetings, x, dt = stage.moved, stage.meetings, stage.x, stage.rules.flight.dt
+    part = dt if stage.rules.sweep is None else 0.5 * dt
+    u, shift = column(stage.candidates.u, i), meetings.states[i, DRIFT]
     if not shift > tolerance:
         return 0
     meetings.states[i, DRIFT] = 0.0
-    centre, extent = _path(stage, i, base)
+    centre = add_scaled(column(x, i), part, u)
+    extent = base
+    if stage.rules.sweep is not None:
+        extent = base + part * length(u)
     move(stage.cells, moved, i, centre, extent, shift)
     find_around(stage.cells, moved, i)
     before = meetings.size[0]
@@ -507,9 +479,6 @@ def _look_again(stage, base, slack, turn, answers):
     _keep_others(stage, turn)
     for k in range(meetings.size[3]):
         i = meetings.fresh[k]
-        _ask_for_particle(stage, base, k + 3 * AHEAD)
-        _ask_for(stage, base, False, k + 2 * AHEAD)
-        _ask_for(stage, base, True, k + AHEAD)
         follow(stage, i, base[i], LOOSE * stage.matter.radius[i] + slack)
     for k in range(meetings.size[3]):
         i = meetings.fresh[k]
@@ -533,9 +502,6 @@ def _begin(stage, answers):
     meetings = stage.meetings
     meetings.size[1] = meetings.size[2] = meetings.size[3] = stage.walls.size[0] = 0
     for p in range(meetings.size[0]):
-        if p + AHEAD < meetings.size[0]:
-            for end in range(2):
-                prefetch(meetings.states, STATES * meetings.ends[p + AHEAD, end])
         enlist(meetings, p)
         meetings.looked[p] = NONE
         if meetings.order[p] < inf:

@@ -26,7 +26,7 @@ through each other.
 from math import inf, sqrt
 from typing import NamedTuple
 
-from collision_sim.core.jit import entry, inlined, kernel, prefetch
+from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.lines import in_lines
 from collision_sim.core.neighbours import LOW_BITS
 from collision_sim.core.pair_memory import recall, resting_speed
@@ -37,7 +37,6 @@ import numpy as np
 
 MOST_HITS = 10          # of a particle in a step
 TOUCH = 2.0 ** -20      # share of the distance of two that touch by which they may be apart
-AHEAD = 4               # pairs or particles: so early memory is asked for
 FIRST, SECOND = 0, 1    # columns of the ends of a pair
 # Columns of the states of particles: order of what comes first, what it takes part in, round in
 # which it has collided last, how often it has, whether its colliders were looked at, rounding of
@@ -291,26 +290,11 @@ def can_meet(matter, i, j):
     return inverse[i] + inverse[j] > 0.0 and radius[i] + radius[j] > 0.0
 
 
-@inlined
-def _ask_for(cells, near, piece, k, x, v, candidates, states):
-    """Ask for what `look_at` needs of the pair with number k of a piece: it is far in memory."""
-    if k < near.count[piece]:
-        count = x.shape[1]
-        for row in (near.found[piece, k] >> 32, near.found[piece, k] & LOW_BITS):
-            i = cells.particle[row]
-            prefetch(states, STATES * i)
-            for d in range(3):
-                prefetch(x, d * count + i)
-                prefetch(v, d * count + i)
-                prefetch(candidates.u, d * count + i)
-
-
 @kernel
 def _list_piece(sweep, slow, dt, matter, memory, cells, near, piece, first, x, v, candidates,
                 meetings):
     """List the pairs that have been found in a piece, from row `first` on."""
     for k in range(near.count[piece]):
-        _ask_for(cells, near, piece, k + AHEAD, x, v, candidates, meetings.states)
         i = cells.particle[near.found[piece, k] >> 32]
         j = cells.particle[near.found[piece, k] & LOW_BITS]
         p = first + k
