@@ -119,10 +119,7 @@ class Simulation:
         self._notes = np.zeros((blocks, NOTES, 3), dtype=np.int64)
         self._log, self._logs = np.zeros((blocks, 0, LOG)), False
         self._books = Books(blocks, len(scene.colliders)) if ledger else None
-        radius = np.asarray(scene.particles.radius, dtype=np.float64)
-        one = radius.size == 0 or np.all(radius == radius.flat[0])
-        self._radius = np.array(radius.flat[:1] if radius.size else [0.0]) if one else \
-            np.broadcast_to(radius, self._x.shape[1:]).copy()
+        self._radius = _radii(scene.particles.radius)
         self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
         self._adopt(scene)
         self._reset()
@@ -573,6 +570,14 @@ class Simulation:
 def _is_whole(value, low, high):
     """Whether a value is a whole number, of whatever type, from one to another."""
     return isinstance(value, Integral) and not isinstance(value, bool) and low <= value <= high
+
+
+def _radii(radius):
+    """Radii (N,) [m], or (1,) where all are the same."""
+    radii = np.atleast_1d(np.asarray(radius, dtype=np.float64))
+    if (radii == radii[:1]).all():
+        return radii[:1].copy() if radii.size else np.zeros(1)
+    return radii.copy()
 
 
 def _laid_in_lines(table):

@@ -38,7 +38,7 @@ every_shape = pytest.mark.parametrize('shape', SHAPES)
 @njit(error_model='numpy')
 def gap(table, poses, courses, face, side, radius, t, x):
     """Call a kernel, which has no entry from Python."""
-    return surfaces.gap_to(RULES, HERE, table, poses, courses, 0, face, side, radius, t, x)
+    return surfaces.gap_to(HERE, table, poses, courses, 0, face, side, radius, t, x)
 
 
 @njit(error_model='numpy')

@@ -110,7 +110,7 @@ def prefetch_row(row, ahead):
 @inlined
 def _place_component(gains, mean_shift, dt, x, v, new):
     widest_vectors()
-    if gains[1] == 1.0:         # no drag: a product less, a twentieth of the time of a flight
+    if gains[1] == 1.0:         # no drag: one product less
         for i in range(x.shape[0]):
             new[i] = x[i] + dt * (v[i] + mean_shift)
     else:

@@ -63,6 +63,18 @@ def radius_at(radius, i):
 
 
 @inlined
+def how_many(here):
+    """How many colliders are acted on: the one of `here.only` if there is one, else all chosen."""
+    return here.only.shape[0] if here.only.shape[0] > 0 else here.chosen.shape[0]
+
+
+@inlined
+def nth(here, m):
+    """Collider number m of those that are acted on."""
+    return here.only[m] if here.only.shape[0] > 0 else here.chosen[m]
+
+
+@inlined
 def has_cells(grid):
     """Whether there is a grid: without one all colliders are `others`."""
     return grid.starts.shape[0] > 0

@@ -20,6 +20,7 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 (`survey_path`). What was only reached by rounding does not count.
 """
 
+from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.faces import (crossed_face, face_below, face_towards, goes_through,
                                       height_over, is_covered, nearest_face)
 from collision_sim.core.jit import inlined, kernel
@@ -378,11 +379,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     """
     hit, press, deep, phi, inside = NOTHING, NOTHING, 0.0, 0.0, 0
     hit_blur, press_blur, hit_near, press_near = 0.0, 0.0, False, False
-    chosen = here.chosen
-    if here.only.shape[0] > 0:
-        chosen = here.only
-    for m in range(chosen.shape[0]):
-        k = chosen[m]
+    for m in range(how_many(here)):
+        k = nth(here, m)
         phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
@@ -418,11 +416,8 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
 def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
     hit, deep, hit_blur = NOTHING, 0.0, 0.0
-    chosen = here.chosen
-    if here.only.shape[0] > 0:
-        chosen = here.only
-    for m in range(chosen.shape[0]):
-        k = chosen[m]
+    for m in range(how_many(here)):
+        k = nth(here, m)
         phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
         blur = rounding_depth(here, table, poses, k, x0)
         if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
@@ -549,11 +544,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     hit, press, hit_time, press_time = NOTHING, NOTHING, NEVER, NEVER
     deep, deepest_press, hit_blur, press_blur, inside = 0.0, 0.0, 0.0, 0.0, 0
     hit_near, press_near = False, False
-    chosen = here.chosen
-    if here.only.shape[0] > 0:
-        chosen = here.only
-    for m in range(chosen.shape[0]):
-        k = chosen[m]
+    for m in range(how_many(here)):
+        k = nth(here, m)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
                                           x0, x1, v0, u)
@@ -590,11 +582,8 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
 def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
     """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
     hit, first, deep, hit_blur = NOTHING, NEVER, 0.0, 0.0
-    chosen = here.chosen
-    if here.only.shape[0] > 0:
-        chosen = here.only
-    for m in range(chosen.shape[0]):
-        k = chosen[m]
+    for m in range(how_many(here)):
+        k = nth(here, m)
         if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
             continue
         tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,

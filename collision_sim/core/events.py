@@ -351,14 +351,14 @@ def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path,
 
 
 @inlined
-def _faces_under(rules, here, table, poses, courses, holds, t, x, v):
+def _faces_under(here, table, poses, courses, holds, t, x, v):
     """Give the faces of boxes and cylinders for the surfaces that hold a particle."""
     a, b, c = holds
-    a = face_of(rules, here, table, poses, courses, a, t, x, v)
+    a = face_of(here, table, poses, courses, a, t, x, v)
     if b != NONE:
-        b = face_of(rules, here, table, poses, courses, b, t, x, v)
+        b = face_of(here, table, poses, courses, b, t, x, v)
     if c != NONE:
-        c = face_of(rules, here, table, poses, courses, c, t, x, v)
+        c = face_of(here, table, poses, courses, c, t, x, v)
     return a, b, c
 
 
@@ -403,7 +403,7 @@ def next_event(rules, forces, here, table, poses, courses, work, accounts, mode,
     else:
         if at_rest(courses, poses, here, holds[0] // FACES, t, x, v):
             v = material_velocity(courses, poses, here, holds[0] // FACES, t, x)
-        holds = _faces_under(rules, here, table, poses, courses, holds, t, x, v)
+        holds = _faces_under(here, table, poses, courses, holds, t, x, v)
         path, stop = _straight(rules, forces, here, table, poses, courses, holds, t, x, v)
         if stop <= end:
             end, stopped = stop, holds[0]

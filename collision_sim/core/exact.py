@@ -96,12 +96,12 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @kernel
-def _is_inside(rules, here, table, poses, courses, t, x):
+def _is_inside(here, table, poses, courses, t, x):
     """Whether a particle is inside a collider, by more than rounding of its way."""
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         for face in range(faces(table, c, side)):
-            gap, _, _ = gap_to(rules, here, table, poses, courses, c, face, side, here.radius,
+            gap, _, _ = gap_to(here, table, poses, courses, c, face, side, here.radius,
                                t, x)
             if gap < -DEEP * touching_depth(table, poses, here, c, x):
                 return True
@@ -111,7 +111,7 @@ def _is_inside(rules, here, table, poses, courses, t, x):
 @inlined
 def _pressing(rules, forces, here, table, poses, courses, s, t, x, v):
     """Give the acceleration [m/s^2] towards a surface of a particle that it does not hold."""
-    n = normal_at(rules, here, table, poses, courses, s, t, x)
+    n = normal_at(here, table, poses, courses, s, t, x)
     g, _ = opening(rules, here, table, poses, courses, s, t, x, v, n)
     return -(g + dot(n, pull(forces, v)))
 
@@ -164,7 +164,7 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
         if v_n < 0.0:
             c, n = s // FACES, facing(met, k)
             obj, eps = material_velocity(courses, poses, here, c, t, x), table[c, RESTITUTION]
-            after, _ = respond(rules, table, c, v, obj, n, v_n, -v_n)
+            after, _ = respond(table, c, v, obj, n, v_n, -v_n)
             press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
                                    after)
             falls = press > 0.0 and v_n * v_n <= 2.0 * press * rounding
@@ -177,20 +177,20 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
 
 
 @inlined
-def _push_one(rules, here, table, poses, courses, log, accounts, ledger, s, n, v_n, dv_n, t, x,
+def _push_one(here, table, poses, courses, log, accounts, ledger, s, n, v_n, dv_n, t, x,
               v):
     """Push by one surface, with its friction."""
     c = s // FACES
     obj = material_velocity(courses, poses, here, c, t, x)
-    after, _ = respond(rules, table, c, v, obj, n, v_n, dv_n)
+    after, _ = respond(table, c, v, obj, n, v_n, dv_n)
     record(log, accounts, here, c, COLLISION, x, n, subtract(after, v))
-    book_collision(ledger, rules, here, table, Touch(c, n, obj, x, v_n, 0.0, True, False), dv_n, v,
+    book_collision(ledger, here, table, Touch(c, n, obj, x, v_n, 0.0, True, False), dv_n, v,
                    after)
     return after
 
 
 @kernel
-def _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, choice, parts, t,
+def _push_jointly(here, table, poses, courses, log, accounts, ledger, met, choice, parts, t,
                   x, v):
     """
     Push by several surfaces at once; their friction acts along the edge of two, one by one.
@@ -213,7 +213,7 @@ def _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met
             record(log, accounts, here, c, COLLISION, x, n, dv)
             book_impulse(ledger, here, c, dot(dv, obj), dv)
             book(ledger, here, RESTITUTED, kinetic(u, w) - dv_n * dot(n, obj))
-            book_friction(ledger, rules, here, table, c, length(slip), dv_n,
+            book_friction(ledger, here, table, c, length(slip), dv_n,
                           kinetic(w, v) - dot(subtract(v, w), obj))
     return v
 
@@ -281,11 +281,11 @@ def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, 
         accounts[here.block, N_COLLISION] += 1
     _, choice, parts = least_push(met, count)
     if choice[1] != NONE:
-        v = _push_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, choice,
+        v = _push_jointly(here, table, poses, courses, log, accounts, ledger, met, choice,
                           parts, t, x, v)
     elif choice[0] != NONE:
         s, n = surface_of(met, choice[0]), facing(met, choice[0])
-        v = _push_one(rules, here, table, poses, courses, log, accounts, ledger, s, n,
+        v = _push_one(here, table, poses, courses, log, accounts, ledger, s, n,
                       met[choice[0], SPEED], parts[0], t, x, v)
     fast += length(parts)
     if elastic or count == 1:
@@ -341,7 +341,7 @@ def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met
     for k in range(count):
         met[k, NEED] = -met[k, SPEED]
     _, choice, _ = least_push(met, count)
-    place, _ = onto_surfaces(rules, here, table, poses, courses, surfaces_of(met, choice), t, x, v)
+    place, _ = onto_surfaces(here, table, poses, courses, surfaces_of(met, choice), t, x, v)
     book_shift(ledger, here, RESTITUTED, subtract(place, x))
     return place, _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count,
                             length(v), t, place, v)
@@ -356,17 +356,17 @@ def _drag_change(linear, wind, h, dx, dv):
 
 
 @kernel
-def _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, v, t, x1, v1):
+def _log_holds(forces, here, table, poses, courses, log, accounts, path, v, t, x1, v1):
     """Log the impulses of the surfaces that held a particle on its path, from v to v1 at t."""
     h = t - path.since
     dv = add_scaled(subtract(v1, v), -h, forces.gravity)
     dv = _drag_change(forces.linear, forces.wind, h, subtract(x1, path.x), dv)
-    holds, n = path.holds, normal_at(rules, here, table, poses, courses, path.holds[0], t, x1)
+    holds, n = path.holds, normal_at(here, table, poses, courses, path.holds[0], t, x1)
     n1, n2 = n, n
     if holds[1] != NONE:
-        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x1)
+        n1 = normal_at(here, table, poses, courses, holds[1], t, x1)
     if holds[2] != NONE:
-        n2 = normal_at(rules, here, table, poses, courses, holds[2], t, x1)
+        n2 = normal_at(here, table, poses, courses, holds[2], t, x1)
     state = STICK if path.mode == RESTS else SLIDE
     if holds[1] != NONE:
         p = normal_forces(holds, n, n1, n2, n, n1, n2, -dot(n, dv), -dot(n1, dv), -dot(n2, dv))
@@ -402,11 +402,11 @@ def _travel(rules, forces, here, table, poses, courses, work, log, accounts, led
         v, pace)
     x1, v1 = state_at(rules, forces, here, table, poses, courses, work, path, end)
     if mode == SLIDES:
-        x1, v1 = onto_surfaces(rules, here, table, poses, courses, path.holds, end, x1, v1)
+        x1, v1 = onto_surfaces(here, table, poses, courses, path.holds, end, x1, v1)
     if stopped != NONE:
         v1 = material_velocity(courses, poses, here, stopped // FACES, end, x1)
     if mode != FLIES:
-        _log_holds(rules, forces, here, table, poses, courses, log, accounts, path, v, end, x1,
+        _log_holds(forces, here, table, poses, courses, log, accounts, path, v, end, x1,
                    v1)
     book_path(ledger, rules, forces, here, table, poses, courses, work, path, end, x1, v1)
     return end, x1, v1, released, pace
@@ -441,12 +441,12 @@ def _settle(rules, here, table, poses, motion, courses, accounts, notes, met, du
     for k in range(count):
         s = surface_of(met, k)
         c = s // FACES
-        gap, slope, _ = gap_to(rules, here, table, poses, courses, c, s % FACES, table[c, SIDE],
+        gap, slope, _ = gap_to(here, table, poses, courses, c, s % FACES, table[c, SIDE],
                                here.radius, duration, x)
         shallow = gap >= -DEEP * touching_depth(table, poses, here, c, x)
         met[k, NEED] = -gap / slope * (1.0 + DEEP * EPSILON) if shallow else -inf
     x = add(x, least_push(met, count)[0])
-    if _is_inside(rules, here, table, poses, courses, duration, x):
+    if _is_inside(here, table, poses, courses, duration, x):
         accounts[here.block, N_FAIL_SAFE] += 1
         x, c, other = push_out(rules, here, table, poses, motion, x0, x)
         if c != NONE:
@@ -530,7 +530,7 @@ def _step_particle(rules, forces, here, table, poses, motion, courses, work, met
     if not is_finite(add_scaled(x0, duration, u), w):
         return freeze(accounts, here.block, x0)
     here = _spot(here, forces, duration, v0)
-    if _is_inside(rules, here, table, poses, courses, 0.0, x0):
+    if _is_inside(here, table, poses, courses, 0.0, x0):
         _book_candidate(ledger, rules, here, v0)
         x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
                          nobody)

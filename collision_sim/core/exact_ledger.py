@@ -53,10 +53,10 @@ def _book_momentum(ledger, here, gravity, drag):
 
 
 @inlined
-def book_friction(ledger, rules, here, table, c, slip, dv_n, loss):
+def book_friction(ledger, here, table, c, slip, dv_n, loss):
     """Book the loss [J/kg] to friction of a collision that changes a slip [m/s]."""
     if ledger is not None:
-        book_loss(ledger, here, dry_share(rules, table, c, slip, dv_n), loss, RESTITUTED)
+        book_loss(ledger, here, dry_share(table, c, slip, dv_n), loss, RESTITUTED)
 
 
 @kernel
@@ -86,7 +86,7 @@ def _powers(rules, forces, here, table, poses, courses, path, t, x, v):
             dry -= table[s // FACES, KINETIC] * normal[k] * speed
             wet -= table[s // FACES, WET] * normal[k] * speed * speed
             if k > 0:
-                n = normal_at(rules, here, table, poses, courses, s, t, x)
+                n = normal_at(here, table, poses, courses, s, t, x)
                 push = add_scaled(ZERO, normal[k], n)
                 first = subtract(first, push)
                 second, third = (push, third) if k == 1 else (second, push)

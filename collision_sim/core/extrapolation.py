@@ -127,7 +127,7 @@ def stiffness(rules, forces, here, table, poses, courses, holds, t, x, v, normal
             hold, rate = _grip(rules.dry, rules.wet, table, holds[j] // FACES, normal[j])
             grip, wet = grip + max(hold, 0.0), wet + max(rate, 0.0)
     along = (w[0] / speed, w[1] / speed, w[2] / speed)
-    across = cross(normal_at(rules, here, table, poses, courses, holds[0], t, x), along)
+    across = cross(normal_at(here, table, poses, courses, holds[0], t, x), along)
     if holds[1] != NONE:        # on an edge there is one direction only
         across, grip = ZERO, 0.0
     return along, across, (k, k + wet, k + wet + grip / speed)

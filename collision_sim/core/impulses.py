@@ -48,13 +48,13 @@ def wet_factor(table, c, dv_n):
 
 
 @inlined
-def respond(rules, table, c, v, obj, n, v_n, dv_n):
+def respond(table, c, v, obj, n, v_n, dv_n):
     """
     Velocity after a change dv_n along the normal and the friction that it causes.
 
     Parameters
     ----------
-    rules, table, c
+    table, c
         As in `resolve`; which collider.
     v, obj, n : (3,) tuple of float [m/s], [-]
         Velocities of the particle and of the material point, and the normal.
@@ -159,7 +159,7 @@ def joint_impulses(n1, obj1, n2, obj2, v):
 
 
 @inlined
-def joint_law(rules, table, c1, n1, obj1, c2, n2, obj2, v):
+def joint_law(table, c1, n1, obj1, c2, n2, obj2, v):
     """Velocity that approaches neither of two colliders, with the friction of both."""
     a, b = joint_impulses(n1, obj1, n2, obj2, v)
     if a == 0.0 and b == 0.0:
@@ -194,7 +194,7 @@ def between(v, n1, obj1, n2, obj2, target):
 
 
 @inlined
-def law_at_once(rules, table, c1, n1, obj1, c2, n2, obj2, target, v):
+def law_at_once(table, c1, n1, obj1, c2, n2, obj2, target, v):
     """
     Velocity after two colliders have acted at once, and what they change it by.
 

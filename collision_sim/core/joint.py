@@ -432,7 +432,7 @@ def _turn(dry, wet, laws, pile, first, count, room, mode):
     speed, before, leapt, wait, rest = _largest_speed(pile, first, count, FREE), inf, False, 0, 1
     wildest = WILD * (speed + _fastest_bound(pile, first, count))
     for turn in range(TURNS):
-        change = rub_all(dry, wet, laws, pile, first, count, room, mode, turn < EAGER)
+        change = rub_all(dry, laws, pile, first, count, room, mode, turn < EAGER)
         if leapt and not change <= NEARER * before:
             take_back(pile, first, count, room)
             wait, rest, leapt, done = rest, 2 * rest, False, False

@@ -164,7 +164,7 @@ def book_flights(ledger, dt, block, first, x, y, z, vx, vy, vz, new):
 
 
 @inlined
-def dry_share(rules, table, c, speed, dv_n):
+def dry_share(table, c, speed, dv_n):
     """Share of dry friction in the loss of a slip [m/s] to both kinds; NaN without loss."""
     dry = dry_factor(table, c, speed, dv_n)
     wet = wet_factor(table, c, dv_n)
@@ -183,7 +183,7 @@ def book_loss(ledger, here, share, loss, otherwise):
 
 
 @inlined
-def book_collision(ledger, rules, here, table, touch, dv_n, before, after):
+def book_collision(ledger, here, table, touch, dv_n, before, after):
     """Book a collision that changes the velocity at the start of the step."""
     if ledger is not None:
         c, n, obj = touch.collider, touch.normal, touch.obj
@@ -192,7 +192,7 @@ def book_collision(ledger, rules, here, table, touch, dv_n, before, after):
         slip = length(add_scaled(subtract(before, obj), -v_n, n))
         book_impulse(ledger, here, c, dot(dv, obj), dv)
         book(ledger, here, RESTITUTED, lost)
-        book_loss(ledger, here, dry_share(rules, table, c, slip, dv_n),
+        book_loss(ledger, here, dry_share(table, c, slip, dv_n),
                   kinetic(before, after) - dot(dv, obj) - lost, RESTITUTED)
 
 
@@ -258,12 +258,12 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         slip = add_scaled(relative, -dot(relative, n), n)
         book(ledger, here, RESTITUTED, lost)
         book(ledger, here, CONTACT, along - lost)
-        book_loss(ledger, here, dry_share(rules, table, c, length(slip), abs(dot(dw, n))),
+        book_loss(ledger, here, dry_share(table, c, length(slip), abs(dot(dw, n))),
                   rest - along, CONTACT)
 
 
 @inlined
-def lost_in_pass(rules, table, touch, target):
+def lost_in_pass(table, touch, target):
     """Energy [J/kg] that restitution takes in the first pass of a method without collisions."""
     if target > 0.0 and touch.target == 0.0:
         v_n = touch.v_n
@@ -324,7 +324,7 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
         book(ledger, here, otherwise, along - lost)
         slip = subtract(mean, obj1)
         slip = add_scaled(slip, -dot(slip, n1), n1)
-        book_loss(ledger, here, dry_share(rules, table, one.collider, length(slip), abs(a)),
+        book_loss(ledger, here, dry_share(table, one.collider, length(slip), abs(a)),
                   kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
 
 

@@ -106,7 +106,7 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         for face in range(faces(table, c, side)):
-            gap, _, n = gap_to(rules, here, table, poses, courses, c, face, side, here.radius, t,
+            gap, _, n = gap_to(here, table, poses, courses, c, face, side, here.radius, t,
                                x)
             touching = share * touching_depth(table, poses, here, c, x)
             if gap > touching:
@@ -120,18 +120,18 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
                                   touching)
             if other > 0:
                 s = FACES * c + other
-                n = gap_to(rules, here, table, poses, courses, c, other, side, here.radius, t,
+                n = gap_to(here, table, poses, courses, c, other, side, here.radius, t,
                            x)[2]
             v_n = dot(w, n)
             if not leaving and (v_n > rounding or (v_n >= -rounding and runs_off(
-                    rules, here, table, poses, courses, c, t, x, w, n, touching, rounding))):
+                    here, table, poses, courses, c, t, x, w, n, touching, rounding))):
                 continue
             if v_n < -rounding:
                 beside = face_beside(rules, here, table, poses, courses, c, here.radius, t, x, w,
                                      touching, rounding)
                 if beside > 0:
                     s, v_n = FACES * c + beside, 0.0
-                    n = gap_to(rules, here, table, poses, courses, c, beside, side, here.radius,
+                    n = gap_to(here, table, poses, courses, c, beside, side, here.radius,
                                t, x)[2]
             met[count, LAWS], met[count, LAWS + 1] = table[c, STATIC], table[c, KINETIC]
             met[count, LAWS + 2], met[count, LAWS + 3] = table[c, WET], table[c, RESTITUTION]

@@ -131,7 +131,7 @@ def _collide_with_wall(stage, k):
     touch = Touch(stage.walls.ends[k, 1], at(values, k, ALONG), at(values, k, COLLIDER_VELOCITY),
                   at(values, k, WHERE), values[k, APPROACH], 0.0, True, False)
     before = column(stage.v, i)
-    after = collide_with_collider(stage.rules, here, stage.table, stage.log, stage.accounts,
+    after = collide_with_collider(here, stage.table, stage.log, stage.accounts,
                                   stage.ledger, touch, before)
     _fly_on(stage, i, before, after)
 

@@ -23,11 +23,10 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.around import find_around, move, Moved
-from collision_sim.core.candidates import Candidates, is_settled
+from collision_sim.core.candidates import Candidates, fly_anew, is_settled
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
-from collision_sim.core.flight import fly
 from collision_sim.core.impulses import respond
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import normal_impulse, repulsion
@@ -36,11 +35,11 @@ from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
-from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
+from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.ties import stands_first
-from collision_sim.core.vectors import add, add_scaled, dot, largest, length, scaled, subtract
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 # Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
@@ -229,11 +228,12 @@ def _throw_back(stage, i, answers):
     if k == NONE:
         return False, v, u
     c, v_n = walls.ends[k, 1], walls.values[k, APPROACH]
-    after, _ = respond(stage.rules, stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
+    after, _ = respond(stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
                        at(walls.values, k, ALONG), v_n,
                        normal_impulse(v_n, stage.table[c, RESTITUTION]))
-    flight = stage.rules.flight
-    return True, after, add(fly(flight, after)[0], subtract(u, fly(flight, v)[0]))
+    mean, _ = fly_anew(stage.candidates, None, account_of(i // BLOCK, i), stage.rules.flight, v,
+                       after, u, column(stage.candidates.w, i))
+    return True, after, mean
 
 
 @kernel
@@ -324,7 +324,7 @@ def _pushed_by(stage, here, c, gap, n, x0, u):
             dv_n *= 1.0 + table[c, RESTITUTION]
         left = max(-gap - dt * dv_n, 0.0)
     if dv_n > 0.0:
-        u, _ = respond(stage.rules, table, c, u, obj, n, -lag, dv_n)
+        u, _ = respond(table, c, u, obj, n, -lag, dv_n)
     return add_scaled(add_scaled(x0, dt, u), left, n)
 
 

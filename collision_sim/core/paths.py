@@ -102,7 +102,7 @@ def state_at(rules, forces, here, table, poses, courses, work, path, t):
                  e0 * path.v[2] + p * path.a[2]))
     x, v, _ = integrate(rules, forces, here, table, poses, courses, work, path.stiff, path.holds,
                         path.since, path.x, path.v, h)
-    return onto_surfaces(rules, here, table, poses, courses, path.holds, t, x, v)
+    return onto_surfaces(here, table, poses, courses, path.holds, t, x, v)
 
 
 @inlined
@@ -267,7 +267,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
     """
     for _ in range(QUERIES):
         x, v = state_at(rules, forces, here, table, poses, courses, work, path, t)
-        gap, slope, n = gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x)
+        gap, slope, n = gap_to(here, table, poses, courses, c, face, side, radius, t, x)
         obj = material_velocity(courses, poses, here, c, t, x)
         touching, rate = touching_depth(table, poses, here, c, x), dot(subtract(v, obj), n)
         rounding = ROUNDING * (largest(v) + largest(obj))
@@ -277,14 +277,14 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
                 beside = open_face(rules, here, table, poses, courses, c, radius, t, x, n,
                                    DEEPER * touching)
                 if beside > 0:
-                    gap, slope, n = gap_to(rules, here, table, poses, courses, c, beside, side,
+                    gap, slope, n = gap_to(here, table, poses, courses, c, beside, side,
                                            radius, t, x)
                     rate, beside = dot(subtract(v, obj), n), 0
             if rate < -rounding and face == 0 and side > 0.0:
                 beside = face_beside(rules, here, table, poses, courses, c, radius, t, x,
                                      subtract(v, obj), touching, rounding)
             if beside > 0:
-                gap, slope, n = gap_to(rules, here, table, poses, courses, c, beside, side, radius,
+                gap, slope, n = gap_to(here, table, poses, courses, c, beside, side, radius,
                                        t, x)
                 rate = dot(subtract(v, obj), n)
             if rate < -rounding:

@@ -116,13 +116,13 @@ def record_jointly(log, accounts, here, one, two, state, point, dv):
 
 
 @inlined
-def collide(rules, here, table, log, accounts, ledger, touch, v0):
+def collide(here, table, log, accounts, ledger, touch, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
     c, n = touch.collider, touch.normal
     dv_n = normal_impulse(touch.v_n, table[c, RESTITUTION])
-    after, _ = respond(rules, table, c, v0, touch.obj, n, touch.v_n, dv_n)
+    after, _ = respond(table, c, v0, touch.obj, n, touch.v_n, dv_n)
     record(log, accounts, here, c, COLLISION, touch.point, n, subtract(after, v0))
-    book_collision(ledger, rules, here, table, touch, dv_n, v0, after)
+    book_collision(ledger, here, table, touch, dv_n, v0, after)
     accounts[here.block, N_COLLISION] += 1
     return after
 
@@ -144,7 +144,7 @@ def collide_with_both(rules, here, table, log, accounts, ledger, one, two, eps, 
 
     """
     c1, n1, c2, n2 = one.collider, one.normal, two.collider, two.normal
-    after, a, _ = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, -eps * one.v_n, v0)
+    after, a, _ = law_at_once(table, c1, n1, one.obj, c2, n2, two.obj, -eps * one.v_n, v0)
     if a > 0.0:
         record_jointly(log, accounts, here, one, two, COLLISION, one.point, subtract(after, v0))
         book_at_once(ledger, rules, here, table, one, two, one.obj, two.obj, v0, v0, v0, after,
@@ -188,7 +188,7 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, m
         if w_n < 0.0:
             dw_n = -w_n if hit else _end_change(
                 motion, rules, here, table, poses, c, x0, x1, n, w_n, most)
-            return respond(rules, table, c, w, obj, n, w_n, dw_n)[0]
+            return respond(table, c, w, obj, n, w_n, dw_n)[0]
         return w
     return add(w, du)
 
@@ -204,7 +204,7 @@ def _pressed(second, rules, here, table, poses, motion, x0, v0, touch, u, w, tar
             w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
                                     dot(du, touch.normal), add(w, du), hit)
             return u_after, w_after, x1, n, stuck
-    u_after, stuck = respond(rules, table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
+    u_after, stuck = respond(table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     most = 2.0 * dot(du, n)
     if lawful or touch.target > 0.0:
@@ -244,18 +244,18 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
         state, counter, point = REPULSION, N_REPULSION, x1
     record(log, accounts, here, c, state, point, touch.normal, subtract(w_after, w))
     book_contact(ledger, rules, here, table, poses, motion, touch, n, x0, u, u_after, w, w_after,
-                 lost_in_pass(rules, table, touch, target), lawful)
+                 lost_in_pass(table, touch, target), lawful)
     accounts[here.block, counter] += 1
     return u_after, w_after
 
 
 @inlined
-def _joint_end(checks, rules, here, table, poses, motion, one, two, x1, du, w):
+def _joint_end(checks, here, table, poses, motion, one, two, x1, du, w):
     """End velocity after `press_jointly`, as in `_end_response`."""
     if checks:
         obj1 = point_velocity(motion, poses, here.step, END, here.end, one.collider, x1)
         obj2 = point_velocity(motion, poses, here.step, END, here.end, two.collider, x1)
-        return joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
+        return joint_law(table, one.collider, one.normal, obj1, two.collider, two.normal,
                          obj2, w)
     return add(w, du)
 
@@ -287,10 +287,10 @@ def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, 
     dt = rules.flight.dt
     obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
-    u_after = joint_law(rules, table, one.collider, one.normal, obj1, two.collider, two.normal,
+    u_after = joint_law(table, one.collider, one.normal, obj1, two.collider, two.normal,
                         obj2, u)
     x1 = add_scaled(x0, dt, u_after)
-    w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1,
+    w_after = _joint_end(rules.checks, here, table, poses, motion, one, two, x1,
                          subtract(u_after, u), w)
     record_jointly(log, accounts, here, one, two, SLIDE, x1, subtract(w_after, w))
     book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u_after, w, w_after)
@@ -316,14 +316,14 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
     """
     c1, n1, c2, n2, dt = one.collider, one.normal, two.collider, two.normal, rules.flight.dt
     target = _contact_target(rules.checks, eps, one.v_n, one.target, first)
-    u_after, a, b = law_at_once(rules, table, c1, n1, one.obj, c2, n2, two.obj, target, u)
+    u_after, a, b = law_at_once(table, c1, n1, one.obj, c2, n2, two.obj, target, u)
     if not a > 0.0:
         return u, w, False
     x1, du = add_scaled(x0, dt, u_after), subtract(u_after, u)
     if lawful or one.target > 0.0:
-        w_after = _joint_end(True, rules, here, table, poses, motion, one, two, x1, du, w)
+        w_after = _joint_end(True, here, table, poses, motion, one, two, x1, du, w)
     else:
-        w_after = _joint_end(rules.checks, rules, here, table, poses, motion, one, two, x1, du, w)
+        w_after = _joint_end(rules.checks, here, table, poses, motion, one, two, x1, du, w)
     state, counter, account, lost = SLIDE, N_CONTACT, CONTACT, 0.0
     if one.target > 0.0:
         state, counter, account = REPULSION, N_REPULSION, REPULSED
@@ -518,7 +518,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
                 after, at_once = collide_with_both(rules, here, table, log, accounts, ledger,
                                                    touch, two, eps, v0)
             if not at_once:
-                after = collide(rules, here, table, log, accounts, ledger, touch, v0)
+                after = collide(here, table, log, accounts, ledger, touch, v0)
             u, w = fly_anew(candidates, ledger, here, rules.flight, v0, after, u, w)
             v0, free = after, (u, w)
             hits += 1

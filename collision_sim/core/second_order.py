@@ -67,7 +67,7 @@ def _sticks(table, c, slip, dv_n):
 
 
 @inlined
-def _first_half(rules, table, c, u, obj, n, v_n, slip, kick, dv_n):
+def _first_half(table, c, u, obj, n, v_n, slip, kick, dv_n):
     """
     Mean velocity after the half of the impulse that acts at the start, and whether it sticks.
 
@@ -141,7 +141,7 @@ def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
     gap = gap if gap <= rounding_depth(here, table, poses, c, x0) else 0.0
     dv_n, left = max(-v_n, 0.0), NEWTON
     while True:
-        after, stuck = _first_half(rules, table, c, u, obj, n0, v_n, slip, kick, dv_n)
+        after, stuck = _first_half(table, c, u, obj, n0, v_n, slip, kick, dv_n)
         x1, left = add_scaled(x0, dt, after), left - 1
         phi, n, rounding = _surface(rules, here, table, poses, c, x0, n0, x1)
         slope = dot(n, n0)
@@ -153,7 +153,7 @@ def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
 
 
 @inlined
-def _joint_half(rules, table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
+def _joint_half(table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
     """
     Mean velocity after both impulses that act at the start, as `_first_half`.
 
@@ -205,7 +205,7 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
         motion, poses, here.step, START, here.start, c2, x0)), n1, n2)
     v1, v2, after, left = 0.0, 0.0, u, NEWTON
     while True:
-        after = _joint_half(rules, table, c1, n1, add_scaled(obj1, v1, n1), slip1, c2, n2,
+        after = _joint_half(table, c1, n1, add_scaled(obj1, v1, n1), slip1, c2, n2,
                             add_scaled(obj2, v2, n2), slip2, u)
         x1, left = add_scaled(x0, dt, after), left - 1
         phi1, end1, rounding1 = _surface(rules, here, table, poses, c1, x0, n1, x1)
@@ -216,4 +216,4 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
     obj1 = point_velocity(motion, poses, here.step, END, here.end, c1, x1)
     obj2 = point_velocity(motion, poses, here.step, END, here.end, c2, x1)
     w = add(w, subtract(after, u))
-    return after, joint_law(rules, table, c1, end1, obj1, c2, end2, obj2, w)
+    return after, joint_law(table, c1, end1, obj1, c2, end2, obj2, w)

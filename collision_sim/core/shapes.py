@@ -213,7 +213,7 @@ def local_distance(kind, point, size):
 
 
 @inlined
-def _distance_in_frame(meshes, present, table, c, point):
+def _distance_in_frame(meshes, table, c, point):
     """Distance and normal in the frame of collider c, before its side is looked at."""
     if meshes is not None:
         if table[c, KIND] == MESH:
@@ -225,7 +225,7 @@ def _distance_in_frame(meshes, present, table, c, point):
 @inlined
 def arm_distance(present, table, poses, s, c, arm):
     """Signed distance and normal of `signed_distance`, of a point less the collider's position."""
-    distance, normal = _distance_in_frame(present.meshes, present, table, c,
+    distance, normal = _distance_in_frame(present.meshes, table, c,
                                           rotate_back(poses, s, c, arm))
     side = table[c, SIDE]
     world = rotate(poses, s, c, normal)

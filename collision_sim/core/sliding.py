@@ -103,7 +103,7 @@ def _coefficients(laws, row, mark):
 
 
 @inlined
-def _factor(dry, wet, laws, row, speed, dv_n, mark):
+def _factor(dry, laws, row, speed, dv_n, mark):
     """Factor of friction on a slip [m/s]."""
     factor = 1.0
     if dry:
@@ -122,14 +122,14 @@ def _slip_without(pile, c, along):
 
 
 @inlined
-def _rub(dry, wet, laws, pile, first, k, room):
+def _rub(dry, laws, pile, first, k, room):
     """Give a contact the friction that its law asks for; the change of velocity [m/s]."""
     c = pile.member[first + k]
     mass, along, after = pile.contacts[c, MASS], friction_of(pile, c), (0.0, 0.0, 0.0)
     dv_n = room.vectors[PRESSING, k] / sqrt(mass)
     if dv_n > 0.0:
         slip = _slip_without(pile, c, along)
-        factor = _factor(dry, wet, laws, pile.ends[c, LAW_ROW], length(slip), dv_n,
+        factor = _factor(dry, laws, pile.ends[c, LAW_ROW], length(slip), dv_n,
                          room.state[MARK, k])
         after = scaled(mass * (factor - 1.0), slip)
     change = subtract(after, along)
@@ -138,7 +138,7 @@ def _rub(dry, wet, laws, pile, first, k, room):
 
 
 @kernel
-def rub_all(dry, wet, laws, pile, first, count, room, mode, holds):
+def rub_all(dry, laws, pile, first, count, room, mode, holds):
     """
     Give all contacts their friction, there and back; the largest change of velocity [m/s].
 
@@ -153,7 +153,7 @@ def rub_all(dry, wet, laws, pile, first, count, room, mode, holds):
     for turn in range(2 if count > 1 else 1):
         for m in range(count):
             k = m if turn == 0 else count - 1 - m
-            fastest = max(fastest, _rub(dry, wet, laws, pile, first, k, room))
+            fastest = max(fastest, _rub(dry, laws, pile, first, k, room))
     return fastest
 
 

@@ -79,7 +79,8 @@ def _clear(sweep, grid, present, table, poses, end, uniform, radius, x, y, z, ne
     """
     Lower `clear` where colliders but meshes are on paths, with `sweep`, or at their ends.
 
-    Where all radii are the same, a number in place of an array takes a twentieth off a flight.
+    Where all radii are the same, a number in place of an array reads less (with the products that
+    a flight without drag is spared, work 1 takes 5 % less).
     """
     n = clear.shape[0]
     x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]

@@ -52,7 +52,7 @@ def _strike_block(rules, everyone, answers, block, table, poses, motion, radius,
             touch, _, _, _ = foremost(rules.sweep, rules, here, table, poses, motion, accounts,
                                       touch, x0, x1, v0, mean)
         if inside and touch.hit:
-            after = collide(rules, here, table, log, accounts, ledger, touch, v0)
+            after = collide(here, table, log, accounts, ledger, touch, v0)
             v[0, i], v[1, i], v[2, i] = after
 
 

@@ -120,7 +120,7 @@ def world_frame(courses, poses, here, c, t, a):
 
 
 @kernel
-def gap_to(rules, here, table, poses, courses, c, face, side, radius, t, x):
+def gap_to(here, table, poses, courses, c, face, side, radius, t, x):
     """
     Gap between a particle and a surface.
 
@@ -204,15 +204,15 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
     kind = table[c, KIND]
     if table[c, SIDE] > 0.0 and (kind == BOX or kind == CYLINDER):
         for face in range(1, faces(table, c, -1.0) + 1):
-            gap, _, n = gap_to(rules, here, table, poses, courses, c, face, 1.0, radius, t, x)
+            gap, _, n = gap_to(here, table, poses, courses, c, face, 1.0, radius, t, x)
             if gap >= -slack and dot(w, n) >= -rounding and not _is_covered(
-                    rules, here, table, poses, courses, c, face - 1, t, x):
+                    here, table, poses, courses, c, face - 1, t, x):
                 return face
     return 0
 
 
 @kernel
-def runs_off(rules, here, table, poses, courses, c, t, x, w, n, slack, rounding):
+def runs_off(here, table, poses, courses, c, t, x, w, n, slack, rounding):
     """
     Whether a point on a face of a box or cylinder, with the normal n, leaves it over its edge now.
 
@@ -221,7 +221,7 @@ def runs_off(rules, here, table, poses, courses, c, t, x, w, n, slack, rounding)
     """
     if here.radius == 0.0 and has_faces(table, c):
         for face in range(1, faces(table, c, -1.0) + 1):
-            gap, _, m = gap_to(rules, here, table, poses, courses, c, face, 1.0, 0.0, t, x)
+            gap, _, m = gap_to(here, table, poses, courses, c, face, 1.0, 0.0, t, x)
             if abs(gap) <= slack and dot(w, m) > rounding and dot(m, n) < STEEP:
                 return True
     return False
@@ -250,11 +250,11 @@ def open_face(rules, here, table, poses, courses, c, radius, t, x, n, slack):
     if has_faces(table, c):
         m = body_frame(courses, table, poses, here, c, t, n)
         nearest = face_towards(table, c, m)
-        if _is_covered(rules, here, table, poses, courses, c, _own(table, c, nearest), t, x):
+        if _is_covered(here, table, poses, courses, c, _own(table, c, nearest), t, x):
             for face in range(1, faces(table, c, -1.0) + 1):
-                gap, _, _ = gap_to(rules, here, table, poses, courses, c, face, 1.0, radius, t, x)
+                gap, _, _ = gap_to(here, table, poses, courses, c, face, 1.0, radius, t, x)
                 if abs(gap) <= slack and not _is_covered(
-                        rules, here, table, poses, courses, c, face - 1, t, x):
+                        here, table, poses, courses, c, face - 1, t, x):
                     return face
     return 0
 
@@ -266,7 +266,7 @@ def _own(table, c, face):
 
 
 @kernel
-def _is_covered(rules, here, table, poses, courses, c, own, t, x):
+def _is_covered(here, table, poses, courses, c, own, t, x):
     """Whether another collider covers a face of a box or a cylinder below a particle."""
     place = centre(courses, poses, here, c, t)
     q = body_frame(courses, table, poses, here, c, t, subtract(x, place))
@@ -305,7 +305,7 @@ def is_end(table, c, face, edge):
 
 
 @kernel
-def face_of(rules, here, table, poses, courses, s, t, x, v):
+def face_of(here, table, poses, courses, s, t, x, v):
     """
     Give the surface of the face of a box or cylinder that a particle is on from outside.
 
@@ -328,7 +328,7 @@ def face_of(rules, here, table, poses, courses, s, t, x, v):
     c, kind = s // FACES, table[s // FACES, KIND]
     if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER) or s % FACES > 0:
         return s
-    _, _, n = gap_to(rules, here, table, poses, courses, c, 0, 1.0, here.radius, t, x)
+    _, _, n = gap_to(here, table, poses, courses, c, 0, 1.0, here.radius, t, x)
     m = body_frame(courses, table, poses, here, c, t, n)
     axis = 0 if abs(m[0]) > 0.9 else (1 if abs(m[1]) > 0.9 else 2)
     face = 2 * axis + (0 if m[axis] > 0.0 else 1)
@@ -338,7 +338,7 @@ def face_of(rules, here, table, poses, courses, s, t, x, v):
     slack = touching_depth(table, poses, here, c, x)
     for edge in range(faces(table, c, -1.0)):
         if is_end(table, c, face, edge):
-            gap, _, inward = gap_to(rules, here, table, poses, courses, c, edge, -1.0, 0.0, t, x)
+            gap, _, inward = gap_to(here, table, poses, courses, c, edge, -1.0, 0.0, t, x)
             if gap < -slack or (gap <= slack and dot(w, inward) < 0.0):
                 return s
     return FACES * c + 1 + face

@@ -84,10 +84,10 @@ def pull(forces, v):
 
 
 @inlined
-def normal_at(rules, here, table, poses, courses, s, t, x):
+def normal_at(here, table, poses, courses, s, t, x):
     """Give the normal of a surface [-]."""
     c, face = s // FACES, s % FACES
-    return gap_to(rules, here, table, poses, courses, c, face, table[c, SIDE], here.radius, t,
+    return gap_to(here, table, poses, courses, c, face, table[c, SIDE], here.radius, t,
                   x)[2]
 
 
@@ -187,14 +187,14 @@ def held(rules, forces, here, table, poses, courses, holds, t, x, v):
     f = pull(forces, v)
     if holds[0] == NONE:
         return f, ZERO
-    n0 = normal_at(rules, here, table, poses, courses, holds[0], t, x)
+    n0 = normal_at(here, table, poses, courses, holds[0], t, x)
     g0, w0 = opening(rules, here, table, poses, courses, holds[0], t, x, v, n0)
     n1, g1, w1, n2, g2, w2 = n0, 0.0, ZERO, n0, 0.0, ZERO
     if holds[1] != NONE:
-        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x)
+        n1 = normal_at(here, table, poses, courses, holds[1], t, x)
         g1, w1 = opening(rules, here, table, poses, courses, holds[1], t, x, v, n1)
     if holds[2] != NONE:
-        n2 = normal_at(rules, here, table, poses, courses, holds[2], t, x)
+        n2 = normal_at(here, table, poses, courses, holds[2], t, x)
         g2, w2 = opening(rules, here, table, poses, courses, holds[2], t, x, v, n2)
     g0, g1, g2 = g0 + dot(n0, f), g1 + dot(n1, f), g2 + dot(n2, f)
     push = _first_slip(rules.dry, forces, here, table, poses, courses, holds, t, x, v, f, w0, n0,
@@ -263,12 +263,12 @@ def can_rest(rules, forces, here, table, poses, courses, holds, t, x):
     c = holds[0] // FACES
     v = material_velocity(courses, poses, here, c, t, x)
     need = subtract(frame_acceleration(courses, poses, here, c, t, x, ZERO), pull(forces, v))
-    n0 = normal_at(rules, here, table, poses, courses, holds[0], t, x)
+    n0 = normal_at(here, table, poses, courses, holds[0], t, x)
     n1, n2 = n0, n0
     if holds[1] != NONE:
-        n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x)
+        n1 = normal_at(here, table, poses, courses, holds[1], t, x)
     if holds[2] != NONE:
-        n2 = normal_at(rules, here, table, poses, courses, holds[2], t, x)
+        n2 = normal_at(here, table, poses, courses, holds[2], t, x)
     return _rests_on(rules, table, holds, n0, n1, n2, need)
 
 
@@ -277,7 +277,7 @@ def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a,
     """Whether a touched surface that does not hold opens by more than slack at acceleration a."""
     if other == holds[0] or other == holds[1] or other == holds[2]:
         return True
-    n = normal_at(rules, here, table, poses, courses, other, t, x)
+    n = normal_at(here, table, poses, courses, other, t, x)
     g, _ = opening(rules, here, table, poses, courses, other, t, x, v, n)
     return g + dot(n, a) > slack * BALANCED * (length(a) + length(forces.gravity))
 
@@ -409,19 +409,19 @@ def resting_place(courses, poses, here, c, x, since, t):
 
 
 @kernel
-def onto_surfaces(rules, here, table, poses, courses, holds, t, x, v):
+def onto_surfaces(here, table, poses, courses, holds, t, x, v):
     """Take rounding out of a particle on surfaces: gaps to zero, velocity along them."""
     for _ in range(2):
         n0 = n1 = n2 = (0.0, 0.0, 1.0)
         if holds[0] != NONE:
-            n0 = normal_at(rules, here, table, poses, courses, holds[0], t, x)
+            n0 = normal_at(here, table, poses, courses, holds[0], t, x)
         if holds[1] != NONE:
-            n1 = normal_at(rules, here, table, poses, courses, holds[1], t, x)
+            n1 = normal_at(here, table, poses, courses, holds[1], t, x)
         d = square_up(n0, n1, n2, holds)
         for k in range(3):
             if holds[k] != NONE:
                 c, face = holds[k] // FACES, holds[k] % FACES
-                gap, slope, n = gap_to(rules, here, table, poses, courses, c, face,
+                gap, slope, n = gap_to(here, table, poses, courses, c, face,
                                        table[c, SIDE], here.radius, t, x)
                 along = dot(n, d[k])
                 if abs(along) > BALANCED:
