@@ -89,7 +89,7 @@ class PairSolver:
         self._base = np.where(radius > 0.0, radius * (1.0 + MARGIN) + flight.dt * slow, 0.0)
         self._extent[:] = self._base
         self._bounds[:, LARGEST] = self._base.max(initial=0.0)
-        self._many = rules.sweep is not None or bool(np.any(self._base != self._base[:1]))
+        self._many = rules.sweep or bool(np.any(self._base != self._base[:1]))
 
     def step(self, parts, candidates, flies, threads):
         """

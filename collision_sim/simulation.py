@@ -30,10 +30,12 @@ from collision_sim.checks import SceneError
 from collision_sim.core.candidates import NOBODY
 from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.lines import in_lines
+from collision_sim.core.modules import no_modules
+from collision_sim.core.opening import open_modules
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS, N_LOGGED,
                                       N_STEP, NONE, NORMAL, NOTES, OF_STEP, POINT)
-from collision_sim.core.shapes import distances
+from collision_sim.core.shapes import distances, Present
 from collision_sim.core.stepping import BLOCK, block_size, EVENT_BLOCK, step_blocks
 from collision_sim.core.threads import Crew, share
 from collision_sim.kinematics import Kinematics
@@ -110,7 +112,7 @@ class Simulation:
                                                  ', or None')
         self._threads = int(threads or numba.get_num_threads())
         self._colliders = Kinematics(scene)
-        self._meshes = mesh_tables(scene)
+        self._present = Present(mesh_tables(scene), no_modules())
         self._x, self._v = (_laid_in_lines(table.T) for table in (
             scene.particles.position, scene.particles.velocity))
         self._block = self._size_of_blocks(scene)
@@ -138,12 +140,13 @@ class Simulation:
         self._table = collider_table(scene)
         if self._coupling:
             self._coupling.adopt(scene)
-        self._rules = step_rules(self._part(scene), self._table, self._meshes)
+        self._rules = step_rules(self._part(scene), self._table, self._present)
         if self._coupling:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self._ledger = self._books.ledger(scene) if self._books else None
         self._planned = None        # for which layout of the colliders there is a crew
+        self._opened = False        # whether what these rules need is
         self.scene = scene
 
     def _part(self, scene):
@@ -307,6 +310,7 @@ class Simulation:
 
     def clearance(self):
         """Signed distance from each particle to its nearest collider, (N,) float64 [m]."""
+        self._open()
         clear = np.full(self._x.shape[1], np.inf)
         distances(self._rules.present, self._table, self._colliders.now, self._x, clear)
         return clear - self.scene.particles.radius
@@ -421,7 +425,7 @@ class Simulation:
     def _take_one_of(self, duration):
         """Take a step of another duration than dt [s]."""
         stepping = replace(self.scene.stepping, dt=duration)
-        rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._meshes)
+        rules = step_rules(replace(self.scene, stepping=stepping), self._table, self._present)
         self._colliders.lay_out(1, self.time / duration, duration)
         self._move_particles(1, duration, rules)
         self._colliders.go_on(1)
@@ -429,6 +433,7 @@ class Simulation:
 
     def _move_particles(self, steps, dt, rules):
         """Run the kernels over all blocks of particles."""
+        self._open()
         if self.record_contacts != self._logs:
             self._lay_out_log()
         colliders = self._colliders
@@ -446,6 +451,13 @@ class Simulation:
                 plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
                 self._crew, self._planned = Crew(step_blocks, plan), colliders.laid_out
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
+
+    def _open(self):
+        """Open the modules that this scene needs, once its rules are new."""
+        if not self._opened:
+            open_modules(self._rules, self._table, self._colliders.poses, self._colliders.motion,
+                         self._accounts)
+            self._opened = True
 
     def _lay_out_log(self):
         """Make room for the contacts of a step, by events of all colliders, or need none."""

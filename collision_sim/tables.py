@@ -22,11 +22,12 @@ A row for each collider: shape and laws (shapes.py), pose at the start, script o
 from collision_sim.colliders import check_method
 from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.laws import WET_FORMS
+from collision_sim.core.mesh import NO_MESHES
 from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import SCRIPT
 from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
-from collision_sim.core.shapes import COLUMNS, KIND, PLANE, Present, RESTITUTION, SHAPES, SIZE
+from collision_sim.core.shapes import COLUMNS, KIND, PLANE, RESTITUTION, SHAPES, SIZE
 from collision_sim.scene import Drag
 import numpy as np
 
@@ -58,26 +59,26 @@ def pair_row(scene):
 
 
 def mesh_tables(scene):
-    """Give the meshes of a scene as mesh.Meshes; None where there are none."""
+    """Return the meshes of a scene as mesh.Meshes."""
     check_method(scene.colliders, scene.stepping.method)
     meshes = [mesh_arrays(collider.mesh.vertices, collider.mesh.faces, collider.mesh.closed)
               for collider in scene.colliders if collider.mesh]
-    return joined(meshes) if meshes else None
+    return joined(meshes) if meshes else NO_MESHES
 
 
-def step_rules(scene, table, meshes):
-    """Say what a step does in this scene, as rules.Rules."""
+def step_rules(scene, table, present):
+    """Say what a step does in this scene, with shapes.Present, as rules.Rules."""
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
     planes = bool((table[:, KIND] == PLANE).any())
     return Rules(
-        flight, Present(meshes), dry=any(f.static is not None for f in frictions),
+        flight, present, dry=any(f.static is not None for f in frictions),
         wet=any(f.wet is not None for f in frictions),
-        sweep=1 if stepping.detection == 'trajectory' or stepping.method == 'exact' else None,
+        sweep=stepping.detection == 'trajectory' or stepping.method == 'exact',
         checks=stepping.method not in ('single_pass', 'multi_pass'),
         passes=stepping.iterations, once=stepping.method == 'single_pass',
         share=float(stepping.repulsion), highest=float(stepping.repulsion_speed),
-        second=1 if stepping.method == 'second_order_contact' else None,
+        second=stepping.method == 'second_order_contact',
         planes=planes and stepping.method == 'collision_then_contact'
         and stepping.detection == 'end_of_step')
 

@@ -31,7 +31,7 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 @njit
 def touching(table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
-    present, all_of = shapes.Present(None), np.arange(table.shape[0])
+    present, all_of = shapes.Present(), np.arange(table.shape[0])
     count, clear = x.shape[1], np.ones(x.shape[1] + WORD)
     found, distance = np.empty(count, dtype=np.int64), np.empty(count)
     none, nowhere = np.empty(0, dtype=np.int64), (0.0, 0.0, 0.0)

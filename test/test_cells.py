@@ -28,10 +28,10 @@ import numpy as np
 import pytest
 
 
-def search(x, v, base, dt=0.01, sweep=None, threads=1):
+def search(x, v, base, dt=0.01, sweep=False, threads=1):
     """Find near pairs: (P, 2) particles, how many runs were cut, centres, extents, the cells."""
     count = x.shape[1]
-    many = sweep is not None or len(set(base.tolist())) > 1
+    many = sweep or len(set(base.tolist())) > 1
     cells, flight = make_cells(count, threads, many), flight_coefficients(
         (0.0, 0.0, 0.0), None, dt, 'ballistic')
     candidates = make_candidates(count)
@@ -92,7 +92,7 @@ KINDS = ['random', 'clustered', 'far', 'flat and at the end of the world', 'in a
 
 
 @pytest.mark.parametrize('kind', KINDS)
-@pytest.mark.parametrize('sweep', [None, 1])
+@pytest.mark.parametrize('sweep', [False, True])
 def test_grid_finds_what_all_pairs_have(kind, sweep):
     """Radii over three decades, some of them 0, and equal radii."""
     random = np.random.default_rng(len(kind))
@@ -114,7 +114,7 @@ def test_grid_finds_what_all_pairs_have_of_many(threads):
         x, v = places(kind, random, count), random.normal(size=(3, count))
         check(x, v, 0.06 * 10.0 ** random.uniform(-3.0, 0.0, count), threads=threads)
         check(x, v, np.full(count, 0.02), threads=threads)
-        check(x, v, np.full(count, 0.02), threads=threads, sweep=1, dt=0.003)
+        check(x, v, np.full(count, 0.02), threads=threads, sweep=True, dt=0.003)
 
 
 def test_empty_space_costs_no_memory():

@@ -37,7 +37,7 @@ import pytest
 from small_scenes import EPSILON
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(None),
+RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(),
               True, True, 1, True, 10, False, 0.1, 10.0)
 FORCES = acting_forces(Scene.from_dict({'drag': {'linear': 1.0}}))     # a path has its own
 COUNT, FINEST = 300, 1e-4       # queries, and finest step of the search by brute force

@@ -223,7 +223,7 @@ def test_distance_in_the_world(inside):
         table[1, :5] = (kind, side, *(HALF if shape == 'box' else (*sizes[shape], 0)))
         poses[0, 1] = (*turn.ravel(), *place)
         for p in points(40, seed=4):
-            present = shapes.Present(None)
+            present = shapes.Present()
             distance, normal = world_distance(present, table, poses, 1, p)
             near, direction = SHAPES[shape](tuple((turn.T @ (np.array(p) - place)).tolist()))
             assert distance == pytest.approx(side * near, abs=16 * EPSILON * 3.0)

@@ -27,7 +27,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(None),
+RULES = Rules(Flight(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Present(),
               True, True, 1, True, 10, False, 0.1, 10.0)
 HERE = surfaces.Spot(0, 0, 0, 0, 0, 0.0, None, None, None, 0.0)
 SIZES, RADIUS = (0.7, 0.5, 0.9), 0.05

@@ -29,7 +29,7 @@ import pytest
 from small_scenes import EPSILON
 
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER}
-PRESENT = Present(None)
+PRESENT = Present()
 COUNT = 2000
 SAMPLES = 3000                  # on a path, to find what first_hit misses
 FINER = 2000                    # between two of them, to find what sampling misses

@@ -37,7 +37,7 @@ def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone,
     x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
     x1 = add_scaled(x0, rules.flight.dt, u)
     for c in range(table.shape[0]):
-        gap, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, c, x0, x1)
+        gap, n = end_distance(rules, here, table, poses, motion, c, x0, x1)
         if gap < 0.0:
             obj = point_velocity(motion, poses, 0, START, 0, c, x0)
             least = ROUNDING * (largest(velocity) + largest(obj) + largest(u))
@@ -62,7 +62,7 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
         clear_if_finite(xt, yt, zt, tile)
         clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
                         radius[a:b], None, margins, xt, yt, zt, tile, cells, chosen)
-        clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, 0, 0,
+        clear_of_meshes(rules.present, rules.sweep, table, poses, motion, 0, 0,
                         min(1, poses.shape[0] - 1), radius[a:b], x[0, a:b], x[1, a:b], x[2, a:b],
                         ends, tile, cells)
         for k in range(collect(clear, b - a, touching, 0)):

@@ -23,14 +23,16 @@ tested against the poses at the END of the step (`survey`) or against all poses 
 from collision_sim.core.broad_phase import how_many, nth
 from collision_sim.core.faces import (crossed_face, face_below, face_towards, goes_through,
                                       height_over, is_covered, nearest_face)
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import by_address, inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh_gap
+from collision_sim.core.modules import (BLOCKER, MEETING_ON_PATH, MESH_DEPTH, MESH_END, MESH_GAP,
+                                        MESH_WAY, NORMAL_BETWEEN, SURVEY_PATH)
 from collision_sim.core.motion import chord_velocity, point_velocity, START
 from collision_sim.core.rules import (N_UNDECIDED, NONE, NOTHING, PARALLEL, ROUNDING, SAME_SIDE,
                                       STRAIGHT, Touch)
-from collision_sim.core.shapes import (BOX, has_faces, KIND, MESH, RESTITUTION, seam_width,
-                                       signed_distance, SIZE)
+from collision_sim.core.shapes import (BOX, DISTANCE, has_faces, KIND, MESH, RESTITUTION,
+                                       seam_width, signed_distance, SIZE)
 from collision_sim.core.ties import (ALIKE, is_before, lacks_alike, SAME_TIME, stands_first,
                                      to_units)
 from collision_sim.core.trajectory import (first_hit, NEVER, only_grazes, path_velocity,
@@ -48,7 +50,7 @@ def distance(rules, here, table, poses, row, c, point):
 
 
 @inlined
-def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
+def end_distance(rules, here, table, poses, motion, c, x0, x1):
     """
     Signed distance [m] of the particle to a collider at the end of the step, and the normal there.
 
@@ -56,10 +58,11 @@ def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
     (faces.py). A mesh is met on the way there, too: it can be thinner than a step, and an open one
     has no inside at all.
     """
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            return mesh_end(meshes, here.answers, table, poses, here.start, here.end, c,
-                            here.radius, x0, x1)
+    present = rules.present
+    if table[c, KIND] == MESH:
+        return by_address(mesh_end, present.modules[MESH_END], DISTANCE,
+                          (present.meshes, here.answers, table, poses, here.start, here.end, c,
+                           here.radius, x0, x1))
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
         return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
@@ -67,12 +70,14 @@ def end_distance(meshes, rules, here, table, poses, motion, c, x0, x1):
 
 
 @inlined
-def end_gap(meshes, rules, here, table, poses, motion, c, reach, x0, x1):
+def end_gap(rules, here, table, poses, motion, c, reach, x0, x1):
     """Give what `end_distance` does, with the gap to a mesh that the particle stays clear of."""
-    gap, n = end_distance(meshes, rules, here, table, poses, motion, c, x0, x1)
-    if meshes is not None:
-        if table[c, KIND] == MESH and not gap < 0.0:
-            return mesh_gap(meshes, table, poses, here.start, here.end, c, here.radius, reach, x1)
+    gap, n = end_distance(rules, here, table, poses, motion, c, x0, x1)
+    present = rules.present
+    if table[c, KIND] == MESH and not gap < 0.0:
+        return by_address(mesh_gap, present.modules[MESH_GAP], DISTANCE,
+                          (present.meshes, table, poses, here.start, here.end, c, here.radius,
+                           reach, x1))
     return gap, n
 
 
@@ -96,7 +101,7 @@ def _depth_in_faces(rules, here, table, poses, motion, c, x0):
 
 
 @inlined
-def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
+def path_hit(rules, here, table, poses, motion, c, x0, x1):
     """
     First hit on the path as trajectory.first_hit; of a mesh that does not turn, on the way.
 
@@ -106,12 +111,12 @@ def path_hit(meshes, rules, here, table, poses, motion, c, x0, x1):
     dx = subtract(x1, x0)
     move, axis, angle = relative_motion(motion, here.step, c, dx)
     start = subtract(x0, origin(poses, here.start, c))
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            if angle == 0.0:
-                tau, n = hit_on_way(meshes, here.answers, table, poses, here.start, here.end, c,
-                                    here.radius, x0, x1)
-                return tau, n, add_scaled(start, tau, move), True
+    present = rules.present
+    if table[c, KIND] == MESH and angle == 0.0:
+        tau, n = by_address(hit_on_way, present.modules[MESH_WAY], DISTANCE,
+                            (present.meshes, here.answers, table, poses, here.start, here.end, c,
+                             here.radius, x0, x1))
+        return tau, n, add_scaled(start, tau, move), True
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, c,
                                      here.radius, x0, dx)
     if tau <= 1.0:
@@ -151,22 +156,23 @@ def _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1):
 
 
 @inlined
-def _start_depth(meshes, rules, here, table, poses, motion, c, x0):
+def _start_depth(rules, here, table, poses, motion, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            return depth_at(meshes, here.answers, table, poses, here.start, c, here.radius, x0)
+    present = rules.present
+    if table[c, KIND] == MESH:
+        return by_address(depth_at, present.modules[MESH_DEPTH], NEVER,
+                          (present.meshes, here.answers, table, poses, here.start, c, here.radius,
+                           x0))
     if has_faces(table, c):
         return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
 
 
 @inlined
-def is_same_surface(meshes, table, c, n, other, n_other):
+def is_same_surface(table, c, n, other, n_other):
     """Whether two contacts are with one surface: the same collider, of a mesh the same face."""
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            return c == other and dot(n, n_other) > STRAIGHT
+    if table[c, KIND] == MESH:
+        return c == other and dot(n, n_other) > STRAIGHT
     return c == other
 
 
@@ -179,7 +185,7 @@ def rounding_depth(here, table, poses, c, x0):
 @inlined
 def starts_inside(rules, here, table, poses, motion, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
-    depth = _start_depth(rules.present.meshes, rules, here, table, poses, motion, c, x0)
+    depth = _start_depth(rules, here, table, poses, motion, c, x0)
     return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
 
 
@@ -207,7 +213,7 @@ def deepest(rules, here, table, poses, motion, x0, x1):
     c, phi, n, blur = NONE, 0.0, (0.0, 0.0, 1.0), 0.0
     for m in range(here.chosen.shape[0]):
         k = here.chosen[m]
-        phi_k, n_k = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+        phi_k, n_k = end_distance(rules, here, table, poses, motion, k, x0,
                                   x1)
         if phi_k < 0.0:
             rounding = rounding_depth(here, table, poses, k, x0)
@@ -227,14 +233,14 @@ def approach(v, obj, n):
 
 
 @inlined
-def _rounding_speed(second, here, table, poses, c, x0, v0, u, obj):
+def _rounding_speed(rules, here, table, poses, c, x0, v0, u, obj):
     """
     Give the normal velocity [m/s] at the start that is only rounding, with second order.
 
     It is left over from larger velocities, and from a normal that is rounded where a small shape
     is far from the origin; a particle that slides there would else collide in every step.
     """
-    if second is not None:
+    if rules.second:
         size = table[c, SIZE]
         blur = rounding_depth(here, table, poses, c, x0) / size if size > 0.0 else 0.0
         return (ROUNDING + blur) * (largest(v0) + largest(u) + largest(obj))
@@ -267,9 +273,27 @@ def mean_approach(rules, depth, n, obj, u):
 
 
 @inlined
-def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
+def contact_normal(rules, here, table, poses, c, x0, x1, depth, phi, n):
     """
-    Give the normal to act along with contacts of second order, where that is known.
+    Return the normal to act along: the one given, at the end, but with contacts of second order.
+
+    Returns
+    -------
+    n : (3,) tuple of float [-]
+    stays, touches : bool
+        As of `normal_between`.
+
+    """
+    if rules.second and depth == 0.0:
+        return by_address(normal_between, rules.present.modules[NORMAL_BETWEEN],
+                          (n, False, False), (rules, here, table, poses, c, x0, x1, phi, n))
+    return n, False, False
+
+
+@kernel
+def normal_between(rules, here, table, poses, c, x0, x1, phi, n):
+    """
+    Return the normal to act along with contacts of second order, where that is known.
 
     A particle that starts outside and ends inside on the same side meets the surface in between,
     where the distance is 0: the normals at both ends are interpolated, those of the face that it
@@ -283,43 +307,40 @@ def contact_normal(second, rules, here, table, poses, c, x0, x1, depth, phi, n):
         touches at the start.
 
     """
-    if second is not None:
-        if depth == 0.0:
-            gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
-            gap -= here.radius
-            rounding = rounding_depth(here, table, poses, c, x0)
-            touches = gap <= rounding
-            face = face_below(table, poses, here.end, c, x1, n)
-            if face != NONE and (touches or dot(start, n) > STRAIGHT):
-                height, over = height_over(table, poses, here.start, c, face, x0)
-                if not touches or height - here.radius >= -rounding:    # and no other face
-                    start, gap = over, max(height - here.radius, 0.0)
-            cosine = dot(start, n)
-            if touches:
-                return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
-            if phi < 0.0 and cosine > STRAIGHT:
-                between = add_scaled(start, gap / (gap - phi), subtract(n, start))
-                return scaled(1.0 / length(between), between), True, False
+    gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
+    gap -= here.radius
+    rounding = rounding_depth(here, table, poses, c, x0)
+    touches = gap <= rounding
+    face = face_below(table, poses, here.end, c, x1, n)
+    if face != NONE and (touches or dot(start, n) > STRAIGHT):
+        height, over = height_over(table, poses, here.start, c, face, x0)
+        if not touches or height - here.radius >= -rounding:    # and no other face
+            start, gap = over, max(height - here.radius, 0.0)
+    cosine = dot(start, n)
+    if touches:
+        return (start if cosine > SAME_SIDE else n), cosine > SAME_SIDE, True
+    if phi < 0.0 and cosine > STRAIGHT:
+        between = add_scaled(start, gap / (gap - phi), subtract(n, start))
+        return scaled(1.0 / length(between), between), True, False
     return n, False, False
 
 
 @inlined
-def _acts(second, rules, here, table, poses, c, x1, phi, stays, v_n, target):
+def _acts(rules, here, table, poses, c, x1, phi, stays, v_n, target):
     """
     Whether the contact stage has to act: on an approach, or a separation that is too slow.
 
     A contact of second order is done with once the particle is on the surface, to rounding: the
     mean velocity along a curved surface approaches it, or leaves it, in between.
     """
-    if second is not None:
-        if stays:
-            limit = ROUNDING * (largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE])
-            return phi < -(limit if v_n == 0.0 else min(limit, -0.5 * rules.flight.dt * v_n))
+    if stays:
+        limit = ROUNDING * (largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE])
+        return phi < -(limit if v_n == 0.0 else min(limit, -0.5 * rules.flight.dt * v_n))
     return v_n < target
 
 
 @kernel
-def _is_left(sweep, rules, here, table, poses, motion, press, touch, x0, x1, v0):
+def _is_left(rules, here, table, poses, motion, press, touch, x0, x1):
     """
     Whether a collider is not met any more once a particle is pressed against another.
 
@@ -330,21 +351,28 @@ def _is_left(sweep, rules, here, table, poses, motion, press, touch, x0, x1, v0)
     if press.collider == k:
         return False
     pressed = add_scaled(x1, rules.flight.dt * (press.target - press.v_n), press.normal)
-    if sweep is not None:
-        tau, n, _, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
-                                pressed)
-        return tau > 1.0 or dot(subtract(v0, touch.obj), n) > 0.5 * touch.v_n
-    before, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
-    phi, _ = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, pressed)
+    before, _ = end_distance(rules, here, table, poses, motion, k, x0, x1)
+    phi, _ = end_distance(rules, here, table, poses, motion, k, x0, pressed)
     return phi >= max(-rounding_depth(here, table, poses, k, x0), 0.5 * before)
+
+
+@kernel
+def _is_left_on_path(rules, here, table, poses, motion, press, touch, x0, x1, v0):
+    """Whether a collider is not met any more on the path to where `_is_left` looks."""
+    k = touch.collider
+    if press.collider == k:
+        return False
+    pressed = add_scaled(x1, rules.flight.dt * (press.target - press.v_n), press.normal)
+    tau, n, _, _ = path_hit(rules, here, table, poses, motion, k, x0, pressed)
+    return tau > 1.0 or dot(subtract(v0, touch.obj), n) > 0.5 * touch.v_n
 
 
 @inlined
 def _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n, stays):
     """Return the Touch of a collision with v0 where the step ends, NOTHING without approach."""
     obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-    v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
-        rules.second, here, table, poses, k, x0, v0, u, obj))
+    v_n = start_approach(rules.checks, v0, obj, n,
+                         _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj))
     if v_n < 0.0:
         return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, 0.0, True, stays)
     return NOTHING
@@ -355,7 +383,7 @@ def _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi, n, st
     """Return the Touch of a contact where the step ends, NOTHING where there is none to act on."""
     obj = chord_velocity(motion, poses, here.step, here.start, k, x0, rules.flight.dt)
     v_n, target = mean_approach(rules, depth, n, obj, u)
-    if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
+    if _acts(rules, here, table, poses, k, x1, phi, stays, v_n, target):
         return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, target, False, stays)
     return NOTHING
 
@@ -381,13 +409,13 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     hit_blur, press_blur, hit_near, press_near = 0.0, 0.0, False, False
     for m in range(how_many(here)):
         k = nth(here, m)
-        phi_k, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+        phi_k, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
         if phi_k >= 0.0:
             continue
         inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
-        n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
+        n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth,
                                      phi_k, n)
         if collides and depth == 0.0:
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
@@ -418,11 +446,11 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
     hit, deep, hit_blur = NOTHING, 0.0, 0.0
     for m in range(how_many(here)):
         k = nth(here, m)
-        phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+        phi, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
         blur = rounding_depth(here, table, poses, k, x0)
         if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
                 rules, here, table, poses, motion, k, x0) == 0.0:
-            n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, 0.0,
+            n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, 0.0,
                                          phi, n)
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
@@ -430,13 +458,13 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
             if hit.hit and abs(phi - deep) <= blur + hit_blur:
                 first = is_before(table, poses, here.end, collision, hit, v0)
             if collision.hit and first and not _is_left(
-                    None, rules, here, table, poses, motion, press, collision, x0, x1, v0):
+                    rules, here, table, poses, motion, press, collision, x0, x1):
                 hit, deep, hit_blur = collision, phi, blur
     return hit
 
 
 @inlined
-def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+def _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
     """
     Whether a particle that ends outside meets a surface on the chord of its path only.
 
@@ -444,7 +472,7 @@ def _only_bulges(second, rules, here, table, poses, motion, k, phi, x0, v0, u, n
     does not; to act on that would make lift-off an error of first order. Such a cut is no steeper
     than half the turn of the normal.
     """
-    if second is not None:
+    if rules.second:
         _, _, angle = relative_motion(motion, here.step, k, x0)
         if phi >= 0.0 and table[k, KIND] != BOX and angle <= STRAIGHT:
             n = signed_distance(rules.present, table, poses, here.start, k, x0)[1]
@@ -475,23 +503,23 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     gain energy. The face that it touches is taken to go on beyond its edges. A collider that it
     started inside of counts as hit at the start if it ends inside.
     """
-    phi, n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+    phi, n_end = end_distance(rules, here, table, poses, motion, k, x0, x1)
     arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
-    n, stays, touches = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth,
+    n, stays, touches = contact_normal(rules, here, table, poses, k, x0, x1, depth,
                                        phi, n_end)
     if stays and touches:
         face = face_below(table, poses, here.start, k, x0, n)
         if face != NONE:
             phi = min(phi, height_over(table, poses, here.end, k, face, x1)[0] - here.radius)
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-        if phi < 0.0 or start_approach(True, v0, obj, n, _rounding_speed(
-                rules.second, here, table, poses, k, x0, v0, u, obj)) == 0.0:
+        least = _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj)
+        if phi < 0.0 or start_approach(True, v0, obj, n, least) == 0.0:
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
-    if _only_bulges(rules.second, rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+    if _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
         return NEVER, n_end, arm, False, phi
-    tau, n, arm, decided = path_hit(rules.present.meshes, rules, here, table, poses, motion, k, x0,
+    tau, n, arm, decided = path_hit(rules, here, table, poses, motion, k, x0,
                                     x1)
     if tau > 1.0 and phi < 0.0:
         tau, n = _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n)
@@ -508,8 +536,8 @@ def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau,
     obj = path_velocity(motion, here.step, k, arm, rules.flight.dt)
     if tau == 0.0:
         obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-    v_n = start_approach(rules.checks, v0, obj, n, _rounding_speed(
-        rules.second, here, table, poses, k, x0, v0, u, obj))
+    v_n = start_approach(rules.checks, v0, obj, n,
+                         _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj))
     if v_n < 0.0:
         point = add_scaled(x0, tau, subtract(x1, x0))
         return Touch(k, n, obj, point, v_n, 0.0, True, stays)
@@ -526,13 +554,13 @@ def _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, 
     if v_n >= target and depth == 0.0 and not stays:
         obj = path_velocity(motion, here.step, k, arm, dt)
         v_n = approach(u, obj, n)
-    if _acts(rules.second, rules, here, table, poses, k, x1, phi, stays, v_n, target):
+    if _acts(rules, here, table, poses, k, x1, phi, stays, v_n, target):
         point = add_scaled(x0, tau, subtract(x1, x0))
         return Touch(k, n, obj, point, v_n, target, False, stays)
     return NOTHING
 
 
-@inlined
+@kernel
 def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle hits on its path: the earliest.
@@ -595,34 +623,42 @@ def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x
             earlier = tau < first or (tau == first and phi < deep)
             if hit.hit and abs(tau - first) <= SAME_TIME and abs(phi - deep) <= blur + hit_blur:
                 earlier = is_before(table, poses, here.end, collision, hit, v0)
-            if collision.hit and earlier and not _is_left(
-                    1, rules, here, table, poses, motion, press, collision, x0, x1, v0):
+            if collision.hit and earlier and not _is_left_on_path(
+                    rules, here, table, poses, motion, press, collision, x0, x1, v0):
                 hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
 
 
+@kernel
+def meeting_on_path(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u, hit):
+    """Touch of a collider as `_meeting`, on the path of a particle that starts that deep in it."""
+    tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth, x0,
+                                      x1, v0, u)
+    if tau > 1.0 or (hit and depth > 0.0):
+        return NOTHING, tau, phi
+    if hit:
+        return _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n,
+                                  arm, stays), tau, phi
+    return _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n,
+                          arm, stays), tau, phi
+
+
 @inlined
-def _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1, v0, u, hit):
+def _meeting(rules, here, table, poses, motion, accounts, k, x0, x1, v0, u, hit):
     """
     Touch of a collider as `detect` finds it, a collision or a contact, or NOTHING.
 
     And its time on the path, 0 without `sweep`, and the distance [m] at the end.
     """
     depth = starts_inside(rules, here, table, poses, motion, k, x0)
-    if sweep is not None:
-        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
-                                          x0, x1, v0, u)
-        if tau > 1.0 or (hit and depth > 0.0):
-            return NOTHING, tau, phi
-        if hit:
-            return _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n,
-                                      arm, stays), tau, phi
-        return _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n,
-                              arm, stays), tau, phi
-    phi, n = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0, x1)
+    if rules.sweep:
+        return by_address(meeting_on_path, rules.present.modules[MEETING_ON_PATH],
+                          (NOTHING, 0.0, 0.0), (rules, here, table, poses, motion, accounts, k,
+                                                depth, x0, x1, v0, u, hit))
+    phi, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
     if phi >= 0.0 or (hit and depth > 0.0):
         return NOTHING, 0.0, phi
-    n, stays, _ = contact_normal(rules.second, rules, here, table, poses, k, x0, x1, depth, phi, n)
+    n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi, n)
     if hit:
         return _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                              stays), 0.0, phi
@@ -631,13 +667,13 @@ def _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1, v0, 
 
 
 @kernel
-def foremost(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
+def foremost(rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
     """
     Find the collider to act on first, of those that are met just when that of a touch is, as deep.
 
     Parameters
     ----------
-    sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u
+    rules, here, table, poses, motion, accounts, x0, x1, v0, u
         As in `detect`.
     touch : Touch
         What `detect` has found.
@@ -651,11 +687,11 @@ def foremost(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, 
 
     """
     v, first = (v0 if touch.hit else u), touch
-    _, tau, phi = _meeting(sweep, rules, here, table, poses, motion, accounts, touch.collider, x0,
+    _, tau, phi = _meeting(rules, here, table, poses, motion, accounts, touch.collider, x0,
                            x1, v0, u, touch.hit)
     blur = rounding_depth(here, table, poses, touch.collider, x0)
     for m in range(here.chosen.shape[0]):
-        other = _tied(sweep, rules, here, table, poses, motion, accounts, here.chosen[m],
+        other = _tied(rules, here, table, poses, motion, accounts, here.chosen[m],
                       touch, tau, phi, blur, x0, x1, v0, u)
         if other.collider != NONE and is_before(table, poses, here.end, other, first, v):
             first = other
@@ -663,10 +699,10 @@ def foremost(sweep, rules, here, table, poses, motion, accounts, touch, x0, x1, 
 
 
 @inlined
-def _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0,
+def _tied(rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0,
           u):
     """Return the Touch of collider k if it is met at time tau, and as deep as phi; or NOTHING."""
-    other, tau_k, phi_k = _meeting(sweep, rules, here, table, poses, motion, accounts, k, x0, x1,
+    other, tau_k, phi_k = _meeting(rules, here, table, poses, motion, accounts, k, x0, x1,
                                    v0, u, touch.hit)
     if (other.collider != NONE and abs(tau_k - tau) <= SAME_TIME and other.stays == touch.stays
             and abs(phi_k - phi) <= blur + rounding_depth(here, table, poses, k, x0)):
@@ -675,14 +711,14 @@ def _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tau, phi
 
 
 @kernel
-def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u,
+def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u,
                first):
     """
     Find the next collider that a particle meets just like that of a touch: as deep, and as fast.
 
     Parameters
     ----------
-    sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u
+    rules, here, table, poses, motion, accounts, x0, x1, v0, u
         As in `detect`.
     touch : Touch
         The first one, of `foremost`.
@@ -703,7 +739,7 @@ def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, 
         k = here.chosen[m]
         if k == touch.collider:
             continue
-        other = _tied(sweep, rules, here, table, poses, motion, accounts, k, touch, tied[0],
+        other = _tied(rules, here, table, poses, motion, accounts, k, touch, tied[0],
                       tied[1], tied[2], x0, x1, v0, u)
         if other.collider != NONE and lacks_alike(touch, other, v0 if touch.hit else u):
             cosine = dot(touch.normal, other.normal)
@@ -713,13 +749,13 @@ def next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, 
 
 
 @kernel
-def rivals(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u):
+def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u):
     """
     Find the colliders that a particle meets just like that of a touch.
 
     Parameters
     ----------
-    sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u
+    rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u
         As in `next_rival`.
 
     Returns
@@ -736,7 +772,7 @@ def rivals(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, 
         Between the least and the largest restitution.
 
     """
-    two, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
+    two, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
                         v0, u, 0)
     push, other, more = to_units(touch.normal), two, False
     least = most = table[touch.collider, RESTITUTION]
@@ -744,12 +780,12 @@ def rivals(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, 
         push = add(push, to_units(other.normal))
         least = min(least, table[other.collider, RESTITUTION])
         most = max(most, table[other.collider, RESTITUTION])
-        other, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0,
+        other, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0,
                               x1, v0, u, m)
         more = more or other.collider != NONE
     along, other, m = dot(push, touch.normal), two, 0
     while more and other.collider != NONE:
-        other, m = next_rival(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0,
+        other, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0,
                               x1, v0, u, m)
         if other.collider != NONE:
             blur = ROUNDING * (largest(other.obj) + largest(touch.obj))
@@ -760,37 +796,43 @@ def rivals(sweep, rules, here, table, poses, motion, accounts, touch, tied, x0, 
 
 
 @inlined
-def detect(sweep, rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
-    """Find the next collider to act on: along the path with `sweep`, else at the end."""
-    if sweep is not None:
-        return survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides)
+def detect(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+    """Find the next collider to act on: along the path with sweeps, else at the end."""
+    if rules.sweep:
+        return by_address(survey_path, rules.present.modules[SURVEY_PATH], (NOTHING, 0),
+                          (rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides))
     return survey(rules, here, table, poses, motion, x0, x1, v0, u, collides)
 
 
+@inlined
+def blocker(rules, here, table, poses, motion, x0, x1):
+    """Return the collider that is hit first on the way, or NONE; without sweeps no way matters."""
+    if rules.sweep:
+        return by_address(first_on_way, rules.present.modules[BLOCKER], NONE,
+                          (rules, here, table, poses, motion, x0, x1))
+    return NONE
+
+
 @kernel
-def blocker(sweep, rules, here, table, poses, motion, x0, x1):
+def first_on_way(rules, here, table, poses, motion, x0, x1):
     """
-    Give the collider that is hit first on the way, or NONE; without `sweep` no way matters.
+    Return the collider that is hit first on the way, or NONE.
 
     The way from one point of a round surface to the next is a chord inside it: leaving from a
     surface to the same side of it is clear.
     """
-    blocking, first, normal = NONE, NEVER, (0.0, 0.0, 1.0)
-    if sweep is not None:
-        dx = subtract(x1, x0)
-        for m in range(here.chosen.shape[0]):
-            k = here.chosen[m]
-            if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
-                continue
-            tau, n, arm, _ = path_hit(rules.present.meshes, rules, here, table, poses, motion, k,
-                                      x0, x1)
-            n_end = end_distance(rules.present.meshes, rules, here, table, poses, motion, k, x0,
-                                 x1)[1]
-            slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
-            obj = path_velocity(motion, here.step, k, arm, 1.0)
-            earlier = tau < first
-            if blocking != NONE and abs(tau - first) <= SAME_TIME:
-                earlier = stands_first(table, poses, here.end, k, n, blocking, normal)
-            if earlier and not slides and approach(dx, obj, n) < 0.0:
-                blocking, first, normal = k, tau, n
+    blocking, first, normal, dx = NONE, NEVER, (0.0, 0.0, 1.0), subtract(x1, x0)
+    for m in range(here.chosen.shape[0]):
+        k = here.chosen[m]
+        if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
+            continue
+        tau, n, arm, _ = path_hit(rules, here, table, poses, motion, k, x0, x1)
+        n_end = end_distance(rules, here, table, poses, motion, k, x0, x1)[1]
+        slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
+        obj = path_velocity(motion, here.step, k, arm, 1.0)
+        earlier = tau < first
+        if blocking != NONE and abs(tau - first) <= SAME_TIME:
+            earlier = stands_first(table, poses, here.end, k, n, blocking, normal)
+        if earlier and not slides and approach(dx, obj, n) < 0.0:
+            blocking, first, normal = k, tau, n
     return blocking

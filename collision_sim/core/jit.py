@@ -44,6 +44,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import TypingError
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
@@ -257,6 +258,14 @@ def bound(function, *args):
 
 
 if config.DISABLE_JIT:
+    def address_of(function, like, args):
+        """Return 0: plain Python calls functions by their names."""
+        return 0
+
+    def by_address(function, address, like, args):
+        """Call a function."""
+        return function(*args)
+
     def widest_vectors():
         """Do nothing: there are no vector instructions."""
 
@@ -283,6 +292,90 @@ if config.DISABLE_JIT:
         """Give the number of the lowest bit that is set; there is one."""
         return (int(bits) & -int(bits)).bit_length() - 1
 else:
+    def _handed(value):
+        """
+        Return the type of what is handed to or by a function that is called by its address.
+
+        Such a call is not checked against the function: the types have to be the same by
+        themselves. So integers and floats have 64 bits, and arrays are contiguous.
+        """
+        if isinstance(value, types.BaseNamedTuple):
+            parts = [_handed(part) for part in value]
+            return types.NamedTuple(parts, value.instance_class)
+        if isinstance(value, types.BaseTuple):
+            return types.BaseTuple.from_types([_handed(part) for part in value])
+        plain, numbers = types.unliteral(value), (types.int64, types.float64, types.boolean)
+        whole = isinstance(plain, types.Array) and plain.layout == 'C' and plain.mutable
+        if not whole and plain not in numbers:
+            raise TypingError(f'{value} cannot be handed to a function by its address')
+        return plain
+
+    @intrinsic
+    def address_of(typing_context, function, like, args):
+        """
+        Return the address of a kernel, compiled for values of these types; valid in this process.
+
+        Parameters
+        ----------
+        function : function
+            The kernel.
+        like
+            A value of the type that it returns.
+        args : tuple
+            Values of the types that it is handed.
+
+        Returns
+        -------
+        address : int
+
+        """
+        parts, result = tuple(_handed(args)), _handed(like)
+        called = function.get_call_type(typing_context, parts, {})
+        if types.unliteral(called.return_type) != result:
+            raise TypingError(f'{function} returns {called.return_type}, not {result}')
+
+        def generate(context, builder, signature, arguments):
+            implementation = context.get_function(function, called)
+            context.add_linking_libs(getattr(implementation, 'libs', ()))
+            compiled = function.dispatcher.overloads[called.args]
+            declared = context.declare_function(builder.module, compiled.fndesc)
+            return builder.ptrtoint(declared, ir.IntType(WORD))
+        return types.int64(function, result, _handed(args)), generate
+
+    @intrinsic
+    def by_address(typing_context, function, address, like, args):
+        """
+        Call the kernel at an address of `address_of`.
+
+        The caller is compiled without it, and it without the caller. A call takes some 10 ns.
+
+        Parameters
+        ----------
+        function : function
+            The kernel; in plain Python it is called, compiled code calls the address.
+        address : int
+        like
+            A value of the type that it returns.
+        args : tuple
+            What it is handed.
+
+        Returns
+        -------
+        value
+            What it returns.
+
+        """
+        handed, result = _handed(args), _handed(like)
+        parts = tuple(handed)
+
+        def generate(context, builder, signature, arguments):
+            kind = context.call_conv.get_function_type(result, parts)
+            place = builder.inttoptr(arguments[1], kind.as_pointer())
+            values = cgutils.unpack_tuple(builder, arguments[3], len(parts))
+            _, value = context.call_conv.call_function(builder, place, result, parts, values)
+            return value
+        return result(function, types.int64, result, handed), generate
+
     @intrinsic
     def widest_vectors(typing_context):
         """

@@ -31,7 +31,8 @@ from typing import NamedTuple
 
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.mesh_cells import (cell_index, cell_of, cells_of, CLOSED, EXTENT,
-                                           FIRST_NODE, INSIDE, is_in_grid, LAST_NODE, NEAR_INSIDE)
+                                           FIRST_NODE, HEAD, INSIDE, is_in_grid, LAST_NODE,
+                                           NEAR_INSIDE)
 from collision_sim.core.mesh_rays import line_through, pierces
 from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 import numpy as np
@@ -77,6 +78,12 @@ class Meshes(NamedTuple):
     cells: np.ndarray
     starts: np.ndarray
     listed: np.ndarray
+
+
+NO_MESHES = Meshes(np.empty((0, HEAD)), np.empty((0, NODE)), np.empty((0, TRIANGLE)),
+                   np.empty((0, FEATURES), dtype=np.float32), np.empty(0, dtype=np.uint8),
+                   np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.int32),
+                   np.empty(0, dtype=np.int32))
 
 
 @inlined

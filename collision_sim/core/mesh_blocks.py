@@ -22,13 +22,14 @@ the cells of the grid, then the tree.
 
 from math import inf
 
-from collision_sim.core.jit import (inlined, kernel, lowest, not_clear, select,
+from collision_sim.core.jit import (by_address, inlined, kernel, lowest, not_clear, select,
                                     widest_vectors, WORD)
 from collision_sim.core.mesh import after, apart, box_of, COUNT, is_inside
 from collision_sim.core.mesh_cells import (BOX_HIGH, box_label, BOX_LOW, FIRST_NODE, INSIDE,
                                            LAST_NODE, OUTSIDE)
 from collision_sim.core.mesh_contact import mesh_of, side_of, skin_of, to_frame
 from collision_sim.core.mesh_path import meet
+from collision_sim.core.modules import MESH_BOXES, MESHES_ON_WAY
 from collision_sim.core.shapes import KIND, MESH
 from collision_sim.core.trajectory import relative_motion
 from collision_sim.core.vectors import length, origin, subtract
@@ -65,7 +66,7 @@ def _near_box(heads, m, poses, start, end, c, radius, margin, x, y, z, x1, y1, z
 @inlined
 def _sagitta(sweep, motion, step, c, arm, dx):
     """Most that the path of a particle leaves its chord by, as a turning mesh sees it [m]."""
-    if sweep is not None:
+    if sweep:
         move, _, angle = relative_motion(motion, step, c, dx)
         return 0.125 * angle * (2.0 * length(move) + angle * (length(arm) + length(move)))
     return 0.0
@@ -126,16 +127,27 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
                     clear[i] = -1.0
 
 
+@kernel
+def mark_on_way(meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z, new, clear,
+                near):
+    """Lower `clear` as `clear_of_meshes`, which calls this by address."""
+    for c in range(table.shape[0]):
+        if table[c, KIND] == MESH:
+            _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y, z,
+                        new, clear, near)
+    return 0
+
+
 @inlined
-def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z, new,
+def clear_of_meshes(present, sweep, table, poses, motion, step, start, end, radius, x, y, z, new,
                     clear, near):
     """
     Lower `clear` below 0 for the particles of a block that may touch a mesh.
 
     Parameters
     ----------
-    meshes : mesh.Meshes or None
-        None where there are none.
+    present : shapes.Present
+        The meshes; nothing is done where there are none.
     sweep, table, poses, motion
         As in step_block.
     step, start, end : int
@@ -146,21 +158,35 @@ def clear_of_meshes(meshes, sweep, table, poses, motion, step, start, end, radiu
         Scratch.
 
     """
-    if meshes is not None:
-        for c in range(table.shape[0]):
-            if table[c, KIND] == MESH:
-                _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y,
-                            z, new, clear, near)
+    if present.meshes.heads.shape[0] > 0:
+        by_address(mark_on_way, present.modules[MESHES_ON_WAY], 0,
+                   (present.meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z,
+                    new, clear, near))
+
+
+@kernel
+def mark_near_box(meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear, near):
+    """Lower `clear` as `clear_of_mesh_boxes`, which calls this by address."""
+    for c in range(table.shape[0]):
+        if table[c, KIND] == MESH:
+            side = side_of(meshes, table, c)
+            margin = inf if side < 0.0 else skin_of(meshes, table, poses, start, end, c)
+            _near_box(meshes.heads, mesh_of(table, c), poses, start, end, c, reach, margin, x, y,
+                      z, x1, y1, z1, near)
+            for i in range(x.shape[0]):
+                clear[i] = select(near[i] > 0.0, clear[i], -1.0)
+    return 0
 
 
 @inlined
-def clear_of_mesh_boxes(meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear, near):
+def clear_of_mesh_boxes(present, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear,
+                        near):
     """
     Lower `clear` below 0 for ways that come near the box around a mesh; none turns visibly.
 
     Parameters
     ----------
-    meshes, table, poses, start, end, clear, near
+    present, table, poses, start, end, clear, near
         As in `clear_of_meshes`.
     reach : (B,) float64 [m]
         How near.
@@ -168,12 +194,7 @@ def clear_of_mesh_boxes(meshes, table, poses, start, end, reach, x, y, z, x1, y1
         Start and end of the ways.
 
     """
-    if meshes is not None:
-        for c in range(table.shape[0]):
-            if table[c, KIND] == MESH:
-                side = side_of(meshes, table, c)
-                margin = inf if side < 0.0 else skin_of(meshes, table, poses, start, end, c)
-                _near_box(meshes.heads, mesh_of(table, c), poses, start, end, c, reach, margin, x,
-                          y, z, x1, y1, z1, near)
-                for i in range(x.shape[0]):
-                    clear[i] = select(near[i] > 0.0, clear[i], -1.0)
+    if present.meshes.heads.shape[0] > 0:
+        by_address(mark_near_box, present.modules[MESH_BOXES], 0,
+                   (present.meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear,
+                    near))

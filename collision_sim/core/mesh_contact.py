@@ -88,7 +88,7 @@ def depth_at(meshes, answers, table, poses, row, c, radius, x):
     return radius - nearest(meshes, m, p, radius)[0] if radius > 0.0 else -inf
 
 
-@inlined
+@kernel
 def mesh_end(meshes, answers, table, poses, start, end, c, radius, x0, x1):
     """
     Signed distance less radius of a particle at the end of a step, and normal, for a mesh.
@@ -152,7 +152,7 @@ def mesh_gap(meshes, table, poses, start, end, c, radius, reach, x1):
                                                                                     n)
 
 
-@inlined
+@kernel
 def hit_on_way(meshes, answers, table, poses, start, end, c, radius, x0, x1):
     """First hit of a mesh that does not turn as `mesh_hit`, on the way that `mesh_end` follows."""
     skin = skin_of(meshes, table, poses, start, end, c)

@@ -83,7 +83,7 @@ def _stretch(sweep, base, extent, i, half):
 
     Around the middle of its path, a collider may throw it back to three times as far.
     """
-    if sweep is not None:
+    if sweep:
         extent[i] = base[i] + 3.0 * half if half < inf else 0.0
 
 
@@ -97,7 +97,7 @@ def _finite_place(x, y, z):
 @inlined
 def _bound_extent(sweep, extent, first, last, block, bounds):
     """Write the largest extent of a block; without sweeps it is there from the start."""
-    if sweep is not None:
+    if sweep:
         largest = 0.0
         for i in range(first, last):
             largest = max(largest, extent[i])
@@ -108,7 +108,7 @@ def _bound_extent(sweep, extent, first, last, block, bounds):
 def _lay_out_block(flies, sweep, flight, ledger, block, base, x, v, candidates, first, last,
                    centre, extent, bounds):
     """Write the candidates, centres and extents of a block, and the box around its centres."""
-    part = flight.dt if sweep is None else 0.5 * flight.dt
+    part = flight.dt if not sweep else 0.5 * flight.dt
     ax, ay, az, bx, by, bz = inf, inf, inf, -inf, -inf, -inf
     for i in range(first, last):
         u = _candidate(flies, flight, ledger, block, v, candidates, i)

@@ -164,14 +164,14 @@ def follow(stage, i, base, tolerance):
     Nothing is to be done if it ends no farther than `tolerance` [m] from where it was found.
     """
     moved, meetings, x, dt = stage.moved, stage.meetings, stage.x, stage.rules.flight.dt
-    part = dt if stage.rules.sweep is None else 0.5 * dt
+    part = dt if not stage.rules.sweep else 0.5 * dt
     u, shift = column(stage.candidates.u, i), meetings.states[i, DRIFT]
     if not shift > tolerance:
         return 0
     meetings.states[i, DRIFT] = 0.0
     centre = add_scaled(column(x, i), part, u)
     extent = base
-    if stage.rules.sweep is not None:
+    if stage.rules.sweep:
         extent = base + part * length(u)
     move(stage.cells, moved, i, centre, extent, shift)
     find_around(stage.cells, moved, i)
@@ -193,7 +193,7 @@ def follow(stage, i, base, tolerance):
 @inlined
 def _comes_now(stage, i, order):
     """Whether what has an order is first for particle i, or happens at once with what is."""
-    return stage.rules.sweep is None or order <= stage.meetings.states[i, SOONEST] + TIE
+    return not stage.rules.sweep or order <= stage.meetings.states[i, SOONEST] + TIE
 
 
 @inlined

@@ -174,7 +174,7 @@ def _list_walls(stage, i, answers):
         return
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
-        touch, _ = detect(rules.sweep, rules, here, stage.table, stage.poses, stage.motion,
+        touch, _ = detect(rules, here, stage.table, stage.poses, stage.motion,
                           stage.accounts, x0, x1, v0, u, first >= 0)
         least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
         if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
@@ -192,7 +192,7 @@ def _list_walls(stage, i, answers):
 @inlined
 def _order_of(sweep, touch, x0, x1):
     """When a particle meets a collider, or how deep it ends in it."""
-    if sweep is not None:
+    if sweep:
         way = length(subtract(x1, x0))
         return length(subtract(touch.point, x0)) / way if way > 0.0 else 0.0
     return dot(touch.normal, subtract(x1, touch.point))
@@ -259,7 +259,7 @@ def lead(stage, i, v, u, base):
     put(stage.v, i, v)
     put(stage.candidates.u, i, u)
     part, extent = dt, moved.extent[i]
-    if stage.rules.sweep is not None:
+    if stage.rules.sweep:
         part = 0.5 * dt
         extent = base + part * length(u)
     before, centre = column(moved.centre, i), add_scaled(column(stage.x, i), part, u)
@@ -294,7 +294,7 @@ def _find_at_walls(stage, mark, bounced, bounces):
                 if bounced[k] >= 0:
                     meetings.fresh[size] = i
                     size += 1
-    if stage.rules.sweep is not None:
+    if stage.rules.sweep:
         for p in range(meetings.size[0]):
             for end in range(2):
                 i = meetings.ends[p, end]
@@ -341,7 +341,7 @@ def pushed_place(stage, i, answers):
     deepest, place = 0.0, x1
     for c in range(stage.table.shape[0]):
         stage.walls.one[0] = c
-        gap, n = end_distance(stage.rules.present.meshes, stage.rules, here, stage.table,
+        gap, n = end_distance(stage.rules, here, stage.table,
                               stage.poses, stage.motion, c, x0, x1)
         if gap < deepest:
             deepest, place = gap, _pushed_by(stage, here, c, gap, n, x0, u)

@@ -206,7 +206,7 @@ def end_normal(sweep, dt, size, x, v, candidates, i, j):
     if distance < size:
         met = have_passed(x, end, i, j)
     else:
-        met = sweep is not None
+        met = sweep
     if met:
         share, n_met = meet_on_way(dt, size, x, v, candidates, i, j)
         if share <= 1.0:
@@ -252,7 +252,7 @@ def sort_by_place(x, v, particles, count):
 @inlined
 def meet(sweep, dt, size, x, v, candidates, i, j):
     """When or how deep two particles meet, inf if they do not, and the normal."""
-    if sweep is not None:
+    if sweep:
         return meet_on_way(dt, size, x, v, candidates, i, j)
     gap, n = end_normal(sweep, dt, size, x, v, candidates, i, j)
     return (gap if gap < 0.0 else inf), n

@@ -161,7 +161,7 @@ def _find_supports(stage, here, x0):
     walls.size[0] = 0
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
-        gap, n = end_gap(rules.present.meshes, rules, here, stage.table, stage.poses,
+        gap, n = end_gap(rules, here, stage.table, stage.poses,
                          stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
             walls.ends[k, 1], walls.values[k, ORDER] = c, gap

@@ -76,8 +76,8 @@ def push_out(rules, here, table, poses, motion, x0, place):
         if c == NONE:
             return place, NONE, NONE
         a, b = n1, n2
-        again = is_same_surface(rules.present.meshes, table, c, n, c1, n1)
-        if again or is_same_surface(rules.present.meshes, table, c, n, c2, n2):
+        again = is_same_surface(table, c, n, c1, n1)
+        if again or is_same_surface(table, c, n, c2, n2):
             a, b = (n2 if again else n1), zero
         if not again:
             c2, n2 = c1, n1
@@ -127,7 +127,7 @@ def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
         if carrier != NONE:
             place = _carried(rules, here, table, poses, motion, carrier, x0)
             place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
-            if inside == NONE and blocker(rules.sweep, rules, here, table, poses, motion, x0,
+            if inside == NONE and blocker(rules, here, table, poses, motion, x0,
                                           place) == NONE:
                 w = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
                 return place, w, carrier

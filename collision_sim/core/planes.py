@@ -234,8 +234,8 @@ def _leave_if_near(grid, present, margins, table, poses, start, end, c, s, count
         near, marks = s[NEAR * CHUNK:NEAR * CHUNK + count], clear[:count]
         clear_of_others(grid, present, table, poses, end, c, near, 1, margins, x1, y1, z1,
                         marks, cells, chosen)
-        clear_of_mesh_boxes(present.meshes, table, poses, start, end, near, x, y, z, x1, y1, z1,
-                            marks, cells)
+        clear_of_mesh_boxes(present, table, poses, start, end, near, x, y, z, x1, y1, z1, marks,
+                            cells)
         for i in range(count):
             s[_at(DONE, i)] = s[_at(DONE, i)] if clear[i] >= 0.0 else LEFT
 

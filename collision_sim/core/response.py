@@ -36,12 +36,13 @@ from collision_sim.core.detection import (approach, blocker, detect, distance, f
                                           is_same_surface, next_rival, rivals, rounding_depth)
 from collision_sim.core.impulses import (doubtful_change, joint_law, law_at_once, respond,
                                          two_parts)
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import by_address, inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book, book_at_once, book_collision, book_contact,
                                        book_impulse, book_joint, book_placing, book_pull,
                                        book_shift, CONTACT, kinetic, lost_in_pass, REPULSED,
                                        RESTITUTED)
+from collision_sim.core.modules import TO_BOTH_SURFACES, TO_SURFACE
 from collision_sim.core.motion import chord_velocity, DOUBT, END, point_velocity
 from collision_sim.core.nearby import chosen_within, reach_of
 from collision_sim.core.placing import fail_safe, push_out
@@ -194,16 +195,17 @@ def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, m
 
 
 @inlined
-def _pressed(second, rules, here, table, poses, motion, x0, v0, touch, u, w, target, hit, lawful):
+def _pressed(rules, here, table, poses, motion, x0, v0, touch, u, w, target, hit, lawful):
     """Mean and end velocity, place and normal after a pass, and whether the particle sticks."""
     c, n, most = touch.collider, touch.normal, 0.0
-    if second is not None:
-        if touch.stays and not lawful:
-            u_after, x1, n, stuck = to_surface(rules, here, table, poses, motion, x0, v0, touch, u)
-            du = subtract(u_after, u)
-            w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
-                                    dot(du, touch.normal), add(w, du), hit)
-            return u_after, w_after, x1, n, stuck
+    if touch.stays and not lawful:
+        u_after, x1, n, stuck = by_address(
+            to_surface, rules.present.modules[TO_SURFACE], (u, u, u, False),
+            (rules, here, table, poses, motion, x0, v0, touch, u))
+        du = subtract(u_after, u)
+        w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
+                                dot(du, touch.normal), add(w, du), hit)
+        return u_after, w_after, x1, n, stuck
     u_after, stuck = respond(table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     most = 2.0 * dot(du, n)
@@ -235,7 +237,7 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
     """
     c, repelled = touch.collider, touch.target > 0.0
     target = _contact_target(rules.checks, table[c, RESTITUTION], touch.v_n, touch.target, first)
-    u_after, w_after, x1, n, stuck = _pressed(rules.second, rules, here, table, poses, motion, x0,
+    u_after, w_after, x1, n, stuck = _pressed(rules, here, table, poses, motion, x0,
                                               v0, touch, u, w, target, hit, lawful)
     state, counter, point = (STICK if stuck else SLIDE), N_CONTACT, x1
     if target > 0.0:
@@ -261,12 +263,11 @@ def _joint_end(checks, here, table, poses, motion, one, two, x1, du, w):
 
 
 @inlined
-def are_both_kept(second, one, two):
+def are_both_kept(one, two):
     """Whether two colliders are to be answered at once, as contacts of second order."""
-    if second is not None:
-        if one.stays and two.stays and one.collider != two.collider:
-            k = dot(one.normal, two.normal)
-            return 1.0 - k * k >= PARALLEL
+    if one.stays and two.stays and one.collider != two.collider:
+        k = dot(one.normal, two.normal)
+        return 1.0 - k * k >= PARALLEL
     return False
 
 
@@ -386,7 +387,7 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
         book_impulse(ledger, here, other.collider, dot(share, touch.obj), share)
         work += dot(share, touch.obj)
         accounts[here.block, counter] += 1
-        other, m = next_rival(rules.sweep, rules, here, table, poses, motion, accounts, touch,
+        other, m = next_rival(rules, here, table, poses, motion, accounts, touch,
                               tied, x0, x1, v0, u, m)
     book(ledger, here, RESTITUTED, lost)
     book(ledger, here, account, kinetic(end, w_after) - work - pull - lost)
@@ -394,7 +395,7 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
 
 
 @inlined
-def press_both(second, rules, here, table, poses, motion, log, accounts, ledger, x0, v0, one, two,
+def press_both(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, one, two,
                new, free, passed):
     """
     Contact of second order with two colliders at once, in place of passes against each.
@@ -408,15 +409,13 @@ def press_both(second, rules, here, table, poses, motion, log, accounts, ledger,
         Mean and end velocity after it.
 
     """
-    if second is not None:
-        u, w = to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, *free)
-        record_jointly(log, accounts, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
-                       subtract(w, passed[1]))
-        book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u,
-                   passed[1], w)
-        accounts[here.block, N_CONTACT] += new
-        return u, w
-    return passed
+    u, w = by_address(to_both_surfaces, rules.present.modules[TO_BOTH_SURFACES], passed,
+                      (rules, here, table, poses, motion, x0, v0, one, two, free[0], free[1]))
+    record_jointly(log, accounts, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
+                   subtract(w, passed[1]))
+    book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u, passed[1], w)
+    accounts[here.block, N_CONTACT] += new
+    return u, w
 
 
 @kernel
@@ -431,7 +430,7 @@ def rest_where_led(rules, here, table, poses, motion, ledger, x0, u):
     place, c, _ = push_out(rules, here, table, poses, motion, x0, x1)
     shift = subtract(place, x1)
     stays = c == NONE and length(shift) <= SLIGHT * here.radius and blocker(
-        rules.sweep, rules, here, table, poses, motion, x0, place) == NONE
+        rules, here, table, poses, motion, x0, place) == NONE
     if stays:
         book_shift(ledger, here, REPULSED, shift)
     return place, stays
@@ -493,17 +492,17 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         here, reach = _reaching(around, here, table, poses, x0, x1, reach)
         if passes == rules.passes:
             break
-        touch, inside = detect(rules.sweep, rules, here, table, poses, motion, accounts, x0, x1,
+        touch, inside = detect(rules, here, table, poses, motion, accounts, x0, x1,
                                v0, u, passes == 0 and hits < CHECKS and not settled)
         if not inside and other.collider == NONE:
             return x1, w
         two, more, push, eps, at_once = NOTHING, False, NOTHING.obj, 0.0, False
         tied = 0.0, 0.0, 0.0
         if inside > 1:
-            touch, tau, phi, blur = foremost(rules.sweep, rules, here, table, poses, motion,
+            touch, tau, phi, blur = foremost(rules, here, table, poses, motion,
                                              accounts, touch, x0, x1, v0, u)
             tied = tau, phi, blur
-            two, more, push, eps = rivals(rules.sweep, rules, here, table, poses, motion, accounts,
+            two, more, push, eps = rivals(rules, here, table, poses, motion, accounts,
                                           touch, tied, x0, x1, v0, u)
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
@@ -526,8 +525,8 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         if more:
             u, w, at_once = meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0,
                                      x1, v0, touch, tied, push, eps, u, w, elastic, lawful)
-        elif two.collider != NONE and not lawful and are_both_kept(rules.second, touch, two):
-            u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
+        elif two.collider != NONE and not lawful and are_both_kept(touch, two):
+            u, w = press_both(rules, here, table, poses, motion, log, accounts,
                               ledger, x0, v0, touch, two, 2, free, (u, w))
             at_once = True
         elif two.collider != NONE:
@@ -536,19 +535,19 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         if at_once:
             lawful = lawful or touch.target > 0.0
             last, other, passes = touch, NOTHING, passes + 1
-        elif passes == 1 and not lawful and are_both_kept(rules.second, last, touch):
-            u, w = press_both(rules.second, rules, here, table, poses, motion, log, accounts,
+        elif passes == 1 and not lawful and are_both_kept(last, touch):
+            u, w = press_both(rules, here, table, poses, motion, log, accounts,
                               ledger, x0, v0, last, touch, 1, free, (u, w))
             last, other, passes = touch, last, 2
         else:
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
                          u, w, elastic, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
-            same = is_same_surface(rules.present.meshes, table, touch.collider, touch.normal,
+            same = is_same_surface(table, touch.collider, touch.normal,
                                    last.collider, last.normal)
             other = other if same else last
             last, passes = touch, passes + 1
-    joined = passes == 2 and are_both_kept(rules.second, other, last)
+    joined = passes == 2 and are_both_kept(other, last)
     if other.collider != NONE and not lawful and not joined:
         u, w = press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, last,
                              other, u, w)
@@ -556,7 +555,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         here, reach = _reaching(around, here, table, poses, x0, x1, reach)
     place, c, beside = push_out(rules, here, table, poses, motion, x0, x1)
     if c == NONE:
-        c = blocker(rules.sweep, rules, here, table, poses, motion, x0, place)
+        c = blocker(rules, here, table, poses, motion, x0, place)
     if c != NONE:
         place, w1, carrier = fail_safe(rules, here, table, poses, motion, accounts, notes, c,
                                        beside, x0)

@@ -59,26 +59,26 @@ NONE = -1                   # no collider
 
 class Rules(NamedTuple):
     """
-    What a step does: numbers; and where a scene does without what takes long to compile, None.
+    What a step does.
 
-    present: the meshes; dry, wet: whether any collider has such friction; sweep: 1 if impacts are
-    found along the path, else None; checks: whether the method has a collision stage; passes: most
-    passes of the contact stage; once: each collider at most once in turn (`single_pass`); share
-    [-] and highest [m/s]: the repulsion; second: 1 if contacts are of second order, else None;
-    planes: whether particles that touch a single plane are answered by planes.py.
+    present: the meshes; dry, wet: whether any collider has such friction; sweep: whether impacts
+    are found along the path; checks: whether the method has a collision stage; passes: most passes
+    of the contact stage; once: each collider at most once in turn (`single_pass`); share [-] and
+    highest [m/s]: the repulsion; second: whether contacts are of second order; planes: whether
+    particles that touch a single plane are answered by planes.py.
     """
 
     flight: Flight
     present: Present
     dry: bool
     wet: bool
-    sweep: Optional[int]
+    sweep: bool
     checks: bool
     passes: int
     once: bool
     share: float
     highest: float
-    second: Optional[int] = None
+    second: bool = False
     planes: bool = False
 
 

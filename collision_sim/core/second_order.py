@@ -33,7 +33,7 @@ from collision_sim.core.detection import distance, rounding_depth
 from collision_sim.core.faces import face_below, height_over
 from collision_sim.core.impulses import (along_both, between, dry_factor, joint_impulses,
                                          joint_law, wet_factor)
-from collision_sim.core.jit import inlined
+from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import dry_friction
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.rules import NONE, ROUNDING
@@ -116,7 +116,7 @@ def _surface(rules, here, table, poses, c, x0, n0, x1):
     return phi - here.radius, n, 0.25 * ROUNDING * scale
 
 
-@inlined
+@kernel
 def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
     """
     Push the end of the step to the surface, along the normal at the start of the contact.
@@ -177,7 +177,7 @@ def _joint_half(table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
     return add(after, slowed)
 
 
-@inlined
+@kernel
 def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
     """
     Contact with two colliders at once: the end on both surfaces, the end velocity along both.

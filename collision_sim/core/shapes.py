@@ -21,12 +21,14 @@ and cylinders lie along z; the solid of a plane is z < 0.
 """
 
 from math import inf
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
-from collision_sim.core.jit import formula, inlined
-from collision_sim.core.mesh import mesh_distance, Meshes
+from collision_sim.core.jit import by_address, formula, inlined
+from collision_sim.core.mesh import mesh_distance, Meshes, NO_MESHES
+from collision_sim.core.modules import MESH_DISTANCE, no_modules
 from collision_sim.core.vectors import (EPSILON, largest, length, origin, rotate, rotate_back,
                                         subtract)
+import numpy as np
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 # Columns of the table of colliders: one of the above; +1, or -1 for `inside`; sizes as in scene.py
@@ -34,6 +36,7 @@ PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 KIND, SIDE, SIZE, RESTITUTION, STATIC, KINETIC, WET, WET_FORM, COLUMNS = 0, 1, 2, 5, 6, 7, 8, 9, 10
 SHAPES = {'plane': PLANE, 'sphere': SPHERE, 'box': BOX, 'capsule': CAPSULE, 'cylinder': CYLINDER,
           'mesh': MESH}
+DISTANCE = inf, (0.0, 0.0, 1.0)     # of the kind that a distance, or a time, and a normal are
 
 
 @formula
@@ -191,9 +194,10 @@ def seam_width(table, c, place):
 
 
 class Present(NamedTuple):
-    """What is compiled only for scenes that have it: the meshes, None without."""
+    """The meshes of a scene, and the addresses of its modules (modules.py)."""
 
-    meshes: Optional[Meshes] = None
+    meshes: Meshes = NO_MESHES
+    modules: np.ndarray = no_modules()
 
 
 @inlined
@@ -213,11 +217,11 @@ def local_distance(kind, point, size):
 
 
 @inlined
-def _distance_in_frame(meshes, table, c, point):
+def _distance_in_frame(present, table, c, point):
     """Distance and normal in the frame of collider c, before its side is looked at."""
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            return mesh_distance(meshes, int(table[c, SIZE + 1]), point)
+    if table[c, KIND] == MESH:
+        return by_address(mesh_distance, present.modules[MESH_DISTANCE], DISTANCE,
+                          (present.meshes, int(table[c, SIZE + 1]), point))
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
     return local_distance(table[c, KIND], point, size)
 
@@ -225,7 +229,7 @@ def _distance_in_frame(meshes, table, c, point):
 @inlined
 def arm_distance(present, table, poses, s, c, arm):
     """Signed distance and normal of `signed_distance`, of a point less the collider's position."""
-    distance, normal = _distance_in_frame(present.meshes, table, c,
+    distance, normal = _distance_in_frame(present, table, c,
                                           rotate_back(poses, s, c, arm))
     side = table[c, SIDE]
     world = rotate(poses, s, c, normal)

@@ -68,7 +68,7 @@ def _fly(lean, candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, ne
 @inlined
 def _sweep_margins(sweep, motion, step, table, margins):
     """Write how far each collider comes in a step; without sweeps it is 0 from the start."""
-    if sweep is not None:
+    if sweep:
         for c in range(table.shape[0]):
             margins[c] = sweep_margin(sweep, motion, step, table, c)
 
@@ -84,7 +84,7 @@ def _clear(sweep, grid, present, table, poses, end, uniform, radius, x, y, z, ne
     """
     n = clear.shape[0]
     x1, y1, z1 = new[0][:n], new[1][:n], new[2][:n]
-    if sweep is not None:
+    if sweep:
         paths = lengths[:n]
         path_lengths(x, y, z, new, radius, paths)
         clear_of_others(grid, present, table, poses, end, NONE, paths, 1, margins, x1, y1, z1,
@@ -115,7 +115,7 @@ def _answer_together(ledger, candidates, grid, rules, margins, here, table, pose
     for k in range(count):
         unanswered[k] = k
     if ledger is None:
-        if rules.sweep is None:
+        if not rules.sweep:
             if count >= TOGETHER and rules.planes and candidates.settled.shape[0] == 0:
                 return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
                                      accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells,
@@ -192,8 +192,8 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             prefetch_row(xt, ahead)
             _clear(rules.sweep, grid, rules.present, table, poses, end, uniform, rt, xt, yt, zt,
                    new, lengths, margins, ct, scratch, chosen)
-            clear_of_meshes(rules.present.meshes, rules.sweep, table, poses, motion, turn, start,
-                            end, rt, xt, yt, zt, new, ct, lengths)
+            clear_of_meshes(rules.present, rules.sweep, table, poses, motion, turn, start, end,
+                            rt, xt, yt, zt, new, ct, lengths)
             prefetch_row(yt, ahead)
             before, count = count, collect(clear, b - a, touching, count)
             hold(px, py, pz, vx, vy, vz, a, touching, before, count, held)

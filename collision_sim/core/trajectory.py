@@ -29,11 +29,12 @@ as a bound on f says that it is positive:
 
 from math import inf, sqrt
 
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import by_address, inlined, kernel
 from collision_sim.core.mesh_contact import mesh_hit
+from collision_sim.core.modules import MESH_HIT
 from collision_sim.core.motion import SHIFT, TURN
-from collision_sim.core.shapes import (arm_distance, BOX, CAPSULE, CYLINDER, KIND, MESH, PLANE,
-                                       SIDE, SIZE, SPHERE)
+from collision_sim.core.shapes import (arm_distance, BOX, CAPSULE, CYLINDER, DISTANCE, KIND, MESH,
+                                       PLANE, SIDE, SIZE, SPHERE)
 from collision_sim.core.vectors import (add, add_scaled, cross, dot, EPSILON, largest, length,
                                         origin, subtract, turned)
 
@@ -208,11 +209,12 @@ def _turns_in_itself(table, poses, row, c, axis):
 
 
 @inlined
-def _hits_mesh(meshes, table, poses, row, c, radius, arm, move, axis, angle):
+def _hits_mesh(present, table, poses, row, c, radius, arm, move, axis, angle):
     """Whether a collider is a mesh, and the time and the normal of the first hit then."""
-    if meshes is not None:
-        if table[c, KIND] == MESH:
-            return True, *mesh_hit(meshes, table, poses, row, c, radius, arm, move, axis, angle)
+    if table[c, KIND] == MESH:
+        tau, n = by_address(mesh_hit, present.modules[MESH_HIT], DISTANCE,
+                            (present.meshes, table, poses, row, c, radius, arm, move, axis, angle))
+        return True, tau, n
     return False, NEVER, (0.0, 0.0, 1.0)
 
 
@@ -285,8 +287,7 @@ def first_hit(present, table, poses, motion, step, row, c, radius, x0, dx):
         angle = 0.0
     arm = subtract(x0, origin(poses, row, c))
     reach = max(length(arm), length(add_scaled(arm, 1.0, move)))
-    is_mesh, tau, n = _hits_mesh(present.meshes, table, poses, row, c, radius, arm, move, axis,
-                                 angle)
+    is_mesh, tau, n = _hits_mesh(present, table, poses, row, c, radius, arm, move, axis, angle)
     if is_mesh:
         return tau, n, add_scaled(arm, tau, move), True
     touching = touching_distance(table, poses, row, c, radius, x0)
@@ -317,7 +318,7 @@ def sweep_margin(sweep, motion, step, table, c):
 
     A plane that turns has no bound: infinity.
     """
-    if sweep is not None:
+    if sweep:
         zero = (0.0, 0.0, 0.0)
         move, _, angle = relative_motion(motion, step, c, zero)
         size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])

@@ -29,6 +29,7 @@ import threading
 import time
 
 from collision_sim.core.pose_table import prepare
+from collision_sim.core.shapes import Present
 from collision_sim.processes import start
 from collision_sim.simulation import Simulation
 from collision_sim.tables import acting_forces, collider_table, step_rules
@@ -42,7 +43,7 @@ LONG = 1.0              # s; to load takes a quarter of it, to compile many time
 def variant(scene):
     """Give what of a scene decides which kernels take its steps; compares and hashes."""
     exact = scene.stepping.method == 'exact'
-    return (typeof(step_rules(scene, collider_table(scene), None)),
+    return (typeof(step_rules(scene, collider_table(scene), Present())),
             typeof(acting_forces(scene)) if exact else None)
 
 

@@ -1,0 +1,118 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The modules are opened: compiled where need be, and their addresses written down.
+
+Values are handed over for their types alone.
+"""
+
+from collision_sim.core.detection import (first_on_way, meeting_on_path, normal_between,
+                                          survey_path)
+from collision_sim.core.jit import address_of, entry
+from collision_sim.core.mesh import mesh_distance
+from collision_sim.core.mesh_blocks import mark_near_box, mark_on_way
+from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh_gap, mesh_hit
+from collision_sim.core.modules import (BLOCKER, MEETING_ON_PATH, MESH_BOXES, MESH_DEPTH,
+                                        MESH_DISTANCE, MESH_END, MESH_GAP, MESH_HIT, MESH_WAY,
+                                        MESHES_ON_WAY, NORMAL_BETWEEN, SURVEY_PATH,
+                                        TO_BOTH_SURFACES, TO_SURFACE)
+from collision_sim.core.rules import Here, NOTHING
+from collision_sim.core.second_order import to_both_surfaces, to_surface
+from collision_sim.core.shapes import DISTANCE
+
+
+@entry
+def open_meshes(present, table, poses, motion):
+    """
+    Open what is about meshes, for the scene with these tables.
+
+    Parameters
+    ----------
+    present : shapes.Present
+        Its addresses are written.
+    table, poses, motion
+        As in plan.Parts.
+
+    """
+    meshes, modules, at, i, r = present.meshes, present.modules, DISTANCE[1], 0, 0.0
+    row = table[0]
+    modules[MESH_DISTANCE] = address_of(mesh_distance, DISTANCE, (meshes, i, at))
+    modules[MESH_DEPTH] = address_of(depth_at, r, (meshes, table, table, poses, i, i, r, at))
+    modules[MESH_END] = address_of(mesh_end, DISTANCE,
+                                   (meshes, table, table, poses, i, i, i, r, at, at))
+    modules[MESH_GAP] = address_of(mesh_gap, DISTANCE,
+                                   (meshes, table, poses, i, i, i, r, r, at))
+    modules[MESH_WAY] = address_of(hit_on_way, DISTANCE,
+                                   (meshes, table, table, poses, i, i, i, r, at, at))
+    modules[MESH_HIT] = address_of(mesh_hit, DISTANCE,
+                                   (meshes, table, poses, i, i, r, at, at, at, r))
+    modules[MESHES_ON_WAY] = address_of(mark_on_way, i, (
+        meshes, False, table, poses, motion, i, i, i, row, row, row, row, table, row, row))
+    modules[MESH_BOXES] = address_of(mark_near_box, i, (
+        meshes, table, poses, i, i, row, row, row, row, row, row, row, row, row))
+
+
+@entry
+def open_paths(rules, table, poses, motion, accounts):
+    """
+    Open what looks along the paths of particles, for the scene with these tables.
+
+    Parameters
+    ----------
+    rules : rules.Rules
+        The addresses in it are written.
+    table, poses, motion, accounts
+        As in plan.Parts.
+
+    """
+    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
+    here = Here(i, i, i, i, i, r, modules, table, modules)
+    modules[SURVEY_PATH] = address_of(survey_path, (NOTHING, i), (
+        rules, here, table, poses, motion, accounts, at, at, at, at, flag))
+    modules[MEETING_ON_PATH] = address_of(meeting_on_path, (NOTHING, r, r), (
+        rules, here, table, poses, motion, accounts, i, r, at, at, at, at, flag))
+    modules[BLOCKER] = address_of(first_on_way, i, (rules, here, table, poses, motion, at, at))
+
+
+@entry
+def open_second_order(rules, table, poses, motion):
+    """Open what contacts of second order need; the arguments are as in `open_paths`."""
+    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
+    here = Here(i, i, i, i, i, r, modules, table, modules)
+    modules[NORMAL_BETWEEN] = address_of(normal_between, (at, flag, flag), (
+        rules, here, table, poses, i, at, at, r, at))
+    modules[TO_SURFACE] = address_of(to_surface, (at, at, at, flag), (
+        rules, here, table, poses, motion, at, at, NOTHING, at))
+    modules[TO_BOTH_SURFACES] = address_of(to_both_surfaces, (at, at), (
+        rules, here, table, poses, motion, at, at, NOTHING, NOTHING, at, at))
+
+
+def open_modules(rules, table, poses, motion, accounts):
+    """
+    Open the modules that the steps of a scene need, those that are not open already.
+
+    Parameters
+    ----------
+    rules : rules.Rules
+    table, poses, motion, accounts
+        As in plan.Parts.
+
+    """
+    modules = rules.present.modules
+    if rules.present.meshes.heads.size and not modules[MESH_DISTANCE]:
+        open_meshes(rules.present, table, poses, motion)
+    if rules.sweep and not modules[SURVEY_PATH]:
+        open_paths(rules, table, poses, motion, accounts)
+    if rules.second and not modules[TO_SURFACE]:
+        open_second_order(rules, table, poses, motion)
