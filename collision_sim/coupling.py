@@ -20,6 +20,7 @@ core/pairs.py.
 """
 
 from collision_sim.core.candidates import make_candidates
+from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.motion import subdivide
 from collision_sim.core.plan import make_plan
 from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED, N_ROWS, N_STEP
@@ -62,7 +63,7 @@ class Coupling:
 
     def adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
-        self.parts, self._springs, self._compiled = 1, scene.springs, set()
+        self.parts, self._springs, self._prepared = 1, scene.springs, False
         if scene.springs:
             self.parts = scene.springs.substeps(scene.particles, scene.stepping.dt)
             solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
@@ -100,7 +101,7 @@ class Coupling:
         and velocities all that it needs has been.
         """
         changing = [parts.accounts, parts.notes]
-        if parts.ledger:
+        if len(parts.ledger.rows):
             changing.append(parts.ledger.rows)
         if self.parts > 1:
             changing += [parts.x, parts.v]
@@ -131,10 +132,9 @@ class Coupling:
         if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
             crew = Crew(step_blocks, make_plan(parts._replace(candidates=self._candidates)),
                         stays=False)
-            kind = tuple(part is None for part in parts)
-            if kind not in self._compiled:      # before anything changes
+            if not self._prepared:      # before anything changes
                 crew.prepare()
-                self._compiled.add(kind)
+                self._prepared = True
             self._crew, self._parts = crew, parts
         return self._crew
 
@@ -165,7 +165,7 @@ class Coupling:
         flight, x, v = parts.rules.flight, parts.x, parts.v
         going, done = CHECKS if parts.rules.checks and len(parts.table) else 0, False
         while going and not done:
-            self._solver.step(flight, None, x, v, self._candidates, threads)
+            self._solver.step(flight, NO_LEDGER, x, v, self._candidates, threads)
             going, done = going - 1, not self._strike(parts, threads)
-        if parts.ledger or not done:
+        if len(parts.ledger.rows) or not done:
             self._solver.step(flight, parts.ledger, x, v, self._candidates, threads)

@@ -29,6 +29,7 @@ from collision_sim.balances import Books, finite_masses
 from collision_sim.checks import SceneError
 from collision_sim.core.candidates import NOBODY
 from collision_sim.core.interrupts import held, hold, let_in, release
+from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.lines import in_lines
 from collision_sim.core.modules import no_modules
 from collision_sim.core.opening import open_modules
@@ -144,7 +145,7 @@ class Simulation:
         if self._coupling:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
-        self._ledger = self._books.ledger(scene) if self._books else None
+        self._ledger = self._books.ledger(scene) if self._books else NO_LEDGER
         self._planned = None        # for which layout of the colliders there is a crew
         self._opened = False        # whether what these rules need is
         self.scene = scene
@@ -456,7 +457,7 @@ class Simulation:
         """Open the modules that this scene needs, once its rules are new."""
         if not self._opened:
             open_modules(self._rules, self._table, self._colliders.poses, self._colliders.motion,
-                         self._accounts)
+                         self._accounts, self._ledger)
             self._opened = True
 
     def _lay_out_log(self):

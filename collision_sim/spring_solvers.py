@@ -54,7 +54,7 @@ class ExplicitSprings:
         ----------
         flight : flight.Flight
             Coefficients of the step.
-        ledger : ledger.Ledger or None
+        ledger : ledger.Ledger
             Written: flights and springs.
         x, v : (3, N) float64 [m], [m/s]
             State at the start of the step.
@@ -104,13 +104,14 @@ class ImplicitSprings:
 
         """
         fly_freely(flight, v, ledger, BLOCK, candidates)
-        before = Candidates(*(table.copy() for table in candidates)) if ledger else None
+        booked = len(ledger.rows) > 0
+        before = Candidates(*(table.copy() for table in candidates)) if booked else None
         members = self._equations.members
         held = members[self._equations.mass == np.inf]
         candidates.w[:, held] = v[:, held]
         candidates.w[:, members] = self._end_velocity(flight.dt, x, candidates.w)[:, members]
         candidates.u[:, members] = candidates.w[:, members]
-        if ledger:
+        if booked:
             book_candidates(ledger, BLOCK, flight.dt, before, candidates)
 
     def _end_velocity(self, dt, x, w):

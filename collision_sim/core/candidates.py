@@ -26,7 +26,7 @@ from collision_sim.core.blocks import fly_block
 from collision_sim.core.flight import fly
 from collision_sim.core.jit import formula, inlined
 from collision_sim.core.ledger import (book, book_flight, book_flights, GRAVITY, INTERNAL,
-                                       weight_of)
+                                       is_kept, weight_of)
 from collision_sim.core.rules import account_of
 from collision_sim.core.vectors import add, dot, subtract
 import numpy as np
@@ -72,7 +72,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
         Coefficients of the step.
     v : (3, N) float64 [m/s]
         At the start of the step.
-    ledger : ledger.Ledger or None
+    ledger : ledger.Ledger
         Where the flights are booked.
     block_size : int
         Particles to a row of the ledger.
@@ -92,7 +92,7 @@ def fly_freely(flight, v, ledger, block_size, candidates):
 @inlined
 def is_lean(candidates, ledger, quadratic):
     """Whether candidates need no velocities: free flights, no quadratic drag, not booked."""
-    if ledger is not None:
+    if is_kept(ledger):
         return False
     return candidates.settled.shape[0] == 0 and quadratic[0] == 0.0
 
@@ -106,7 +106,7 @@ def fly_or_take(candidates, ledger, flight, block, first, x, y, z, vx, vy, vz, n
     ----------
     candidates : Candidates
         Of no particle for free flights.
-    ledger : ledger.Ledger or None
+    ledger : ledger.Ledger
         Where free flights are booked; candidates have been before.
     flight, x, y, z, vx, vy, vz, new, factor
         As in blocks.fly_block.
@@ -134,6 +134,12 @@ def candidate_of(candidates, flight, i, v):
         return ((candidates.u[0, i], candidates.u[1, i], candidates.u[2, i]),
                 (candidates.w[0, i], candidates.w[1, i], candidates.w[2, i]))
     return fly(flight, v)
+
+
+@inlined
+def mean_anew(flight, v, after, u):
+    """Mean velocity [m/s] of `fly_anew`, of a particle that springs or pairs act on."""
+    return add(fly(flight, after)[0], subtract(u, fly(flight, v)[0]))
 
 
 @inlined
@@ -177,7 +183,7 @@ def book_candidates(ledger, block_size, dt, before, after):
 
     Parameters
     ----------
-    ledger : ledger.Ledger or None
+    ledger : ledger.Ledger
         Written.
     block_size : int
         Particles to a row of the ledger.

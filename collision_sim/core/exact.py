@@ -46,7 +46,7 @@ from collision_sim.core.impulses import dry_factor, respond, wet_factor
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.laws import normal_impulse
 from collision_sim.core.ledger import (book, book_collision, book_flight, book_impulse, book_shift,
-                                       kinetic, REPULSED, RESTITUTED)
+                                       is_kept, kinetic, REPULSED, RESTITUTED)
 from collision_sim.core.meeting import (BALANCED, facing, gather, least_push, MET, NEED,
                                         normal_forces, SPEED, square_up, surface_of, surfaces_of,
                                         turn_round, ZERO)
@@ -221,7 +221,7 @@ def _push_jointly(here, table, poses, courses, log, accounts, ledger, met, choic
 @inlined
 def _book_stop(ledger, here, account, c, obj, x, v, x1, v1):
     """Book an impulse of a collider and a shift whose energy goes to one account."""
-    if ledger is not None:
+    if is_kept(ledger):
         dv = subtract(v1, v)
         book_impulse(ledger, here, c, dot(dv, obj), dv)
         book(ledger, here, account, kinetic(v, v1) - dot(dv, obj))
@@ -415,7 +415,7 @@ def _travel(rules, forces, here, table, poses, courses, work, log, accounts, led
 @inlined
 def _book_candidate(ledger, rules, here, v):
     """Book the flight of a particle that is stepped as by `collision_then_contact`."""
-    if ledger is not None:
+    if is_kept(ledger):
         u, w = fly(rules.flight, v)
         book_flight(ledger, here, rules.flight.dt, v, u, w, 1.0)
 
@@ -556,8 +556,8 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         Of a step.
     courses : (S, C, courses.COURSE) float64 or None
         How the colliders move; None where none does.
-    ledger : ledger.Ledger or None
-        Written; None for no ledger.
+    ledger : ledger.Ledger
+        Written, where there is one.
 
     """
     work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 6, MET))

@@ -26,7 +26,8 @@ from collision_sim.core.courses import frame_acceleration, material_velocity
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.ledger import (book, book_impulse, book_loss, CONTACT, DRAG,
                                        DRAG_IMPULSE, DRY_LOSS, dry_share, FLIGHT, GRAVITY,
-                                       GRAVITY_IMPULSE, kinetic, RESTITUTED, weight_of, WET_LOSS)
+                                       GRAVITY_IMPULSE, is_kept, kinetic, RESTITUTED, weight_of,
+                                       WET_LOSS)
 from collision_sim.core.meeting import ZERO
 from collision_sim.core.paths import state_at
 from collision_sim.core.rules import NONE
@@ -55,7 +56,7 @@ def _book_momentum(ledger, here, gravity, drag):
 @inlined
 def book_friction(ledger, here, table, c, slip, dv_n, loss):
     """Book the loss [J/kg] to friction of a collision that changes a slip [m/s]."""
-    if ledger is not None:
+    if is_kept(ledger):
         book_loss(ledger, here, dry_share(table, c, slip, dv_n), loss, RESTITUTED)
 
 
@@ -100,7 +101,7 @@ def book_path(ledger, rules, forces, here, table, poses, courses, work, path, t,
 
     Parameters
     ----------
-    ledger : ledger.Ledger or None
+    ledger : ledger.Ledger
         Where to book.
     rules, forces, here, table, poses, courses, work
         As in exact.py.
@@ -112,7 +113,7 @@ def book_path(ledger, rules, forces, here, table, poses, courses, work, path, t,
         Where and how fast it ends.
 
     """
-    if ledger is not None:
+    if is_kept(ledger):
         h, dv = t - path.since, subtract(v, path.v)
         gain, fall = kinetic(path.v, v), dot(forces.gravity, subtract(x, path.x))
         fell = add_scaled(ZERO, h, forces.gravity)

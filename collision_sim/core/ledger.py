@@ -33,8 +33,9 @@ from math import nan
 from typing import NamedTuple
 
 from collision_sim.core.impulses import dry_factor, two_parts, wet_factor
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import by_address, inlined, kernel
 from collision_sim.core.laws import normal_impulse
+from collision_sim.core.modules import BOOK_PASS, BOOK_TWO
 from collision_sim.core.motion import chord_velocity
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
@@ -52,8 +53,9 @@ class Ledger(NamedTuple):
     """
     What the kernels book with.
 
-    rows (blocks, columns): written; weight (N,) or (1,): mass of each particle, or of all;
-    gravity [m/s^2]; drags: whether there is drag; euler: whether the flight is symplectic Euler.
+    rows (blocks, columns): written, none where no ledger is kept; weight (N,) or (1,): mass of
+    each particle, or of all; gravity [m/s^2]; drags: whether there is drag; euler: whether the
+    flight is symplectic Euler.
     """
 
     rows: np.ndarray
@@ -61,6 +63,15 @@ class Ledger(NamedTuple):
     gravity: tuple
     drags: bool
     euler: bool
+
+
+NO_LEDGER = Ledger(np.empty((0, COLLIDERS)), np.ones(1), (0.0, 0.0, 0.0), False, False)
+
+
+@inlined
+def is_kept(ledger):
+    """Whether a ledger is kept."""
+    return ledger.rows.shape[0] > 0
 
 
 def columns(colliders):
@@ -77,14 +88,14 @@ def weight_of(weight, i):
 @inlined
 def book(ledger, here, account, amount):
     """Book an energy per unit mass [J/kg] of the particle to an account."""
-    if ledger is not None:
+    if is_kept(ledger):
         ledger.rows[here.block, account] += weight_of(ledger.weight, here.particle) * amount
 
 
 @inlined
 def book_impulse(ledger, here, c, work, dv):
     """Book the work [J/kg] and the change of velocity dv [m/s] that a collider brings."""
-    if ledger is not None:
+    if is_kept(ledger):
         weight, first = weight_of(ledger.weight, here.particle), COLLIDERS + PER_COLLIDER * c
         ledger.rows[here.block, first] += weight * work
         for d in range(3):
@@ -117,7 +128,7 @@ def book_flight(ledger, here, dt, v, u, w, sign):
 
     Parameters
     ----------
-    ledger, here : Ledger or None, Here
+    ledger, here : Ledger, Here
         Where to book; whose flight.
     dt : float [s]
         Length of the step.
@@ -127,7 +138,7 @@ def book_flight(ledger, here, dt, v, u, w, sign):
         1, or -1 to take it back.
 
     """
-    if ledger is not None:
+    if is_kept(ledger):
         work, drag, error, impulse = _flight_parts(ledger, dt, v, scaled(dt, u), w)
         weight, b = sign * weight_of(ledger.weight, here.particle), here.block
         ledger.rows[b, GRAVITY] += weight * work
@@ -141,7 +152,7 @@ def book_flight(ledger, here, dt, v, u, w, sign):
 @kernel
 def book_flights(ledger, dt, block, first, x, y, z, vx, vy, vz, new):
     """Book the flights of a block, to the candidates in `new` (6, BLOCK)."""
-    if ledger is not None:
+    if is_kept(ledger):
         work = drag = error = px = py = pz = qx = qy = qz = 0.0
         for i in range(x.shape[0]):
             v, w = (vx[i], vy[i], vz[i]), (new[3, i], new[4, i], new[5, i])
@@ -185,7 +196,7 @@ def book_loss(ledger, here, share, loss, otherwise):
 @inlined
 def book_collision(ledger, here, table, touch, dv_n, before, after):
     """Book a collision that changes the velocity at the start of the step."""
-    if ledger is not None:
+    if is_kept(ledger):
         c, n, obj = touch.collider, touch.normal, touch.obj
         dv, v_n = subtract(after, before), touch.v_n
         lost = 0.5 * dv_n * (2.0 * v_n + dv_n)
@@ -199,7 +210,7 @@ def book_collision(ledger, here, table, touch, dv_n, before, after):
 @inlined
 def book_shift(ledger, here, account, dx):
     """Book a shift of the place [m]: gravity works, and an account takes it up."""
-    if ledger is not None:
+    if is_kept(ledger):
         work = dot(ledger.gravity, dx)
         book(ledger, here, GRAVITY, work)
         book(ledger, here, account, -work)
@@ -208,7 +219,7 @@ def book_shift(ledger, here, account, dx):
 @inlined
 def book_pull(ledger, here, dt, du, lawful):
     """Book the work of gravity that a change of the mean velocity brings; the contact's part."""
-    if ledger is not None:
+    if is_kept(ledger):
         pull = dt * dot(ledger.gravity, du)
         book(ledger, here, GRAVITY, pull)
         if not lawful:
@@ -220,6 +231,16 @@ def book_pull(ledger, here, dt, du, lawful):
 @inlined
 def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
                  lawful):
+    """Book a pass of the contact stage as `book_pass`, where a ledger is kept."""
+    if is_kept(ledger):
+        by_address(book_pass, rules.present.modules[BOOK_PASS], True,
+                   (ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1,
+                    lost, lawful))
+
+
+@kernel
+def book_pass(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
+              lawful):
     """
     Book a pass of the contact stage.
 
@@ -239,27 +260,27 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
         and what gravity does on the way is its work.
 
     """
-    if ledger is not None:
-        c, dt = touch.collider, rules.flight.dt
-        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
-        dw, du = subtract(w1, w), subtract(u1, u)
-        middle = add(touch.normal, n_end)
-        n = scaled(1.0 / length(middle), middle)
-        work, pull = dot(dw, obj), book_pull(ledger, here, dt, du, lawful)
-        book_impulse(ledger, here, c, work, dw)
-        rest = kinetic(w, w1) - pull - work
-        if touch.target > 0.0:
-            book(ledger, here, REPULSED, rest)
-            return
-        relative = subtract(scaled(0.5, add(w, w1)), obj)
-        along = dot(dw, n) * dot(relative, n)
-        if not lawful:
-            along -= dt * dot(ledger.gravity, n) * dot(du, n)
-        slip = add_scaled(relative, -dot(relative, n), n)
-        book(ledger, here, RESTITUTED, lost)
-        book(ledger, here, CONTACT, along - lost)
-        book_loss(ledger, here, dry_share(table, c, length(slip), abs(dot(dw, n))),
-                  rest - along, CONTACT)
+    c, dt = touch.collider, rules.flight.dt
+    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+    dw, du = subtract(w1, w), subtract(u1, u)
+    middle = add(touch.normal, n_end)
+    n = scaled(1.0 / length(middle), middle)
+    work, pull = dot(dw, obj), book_pull(ledger, here, dt, du, lawful)
+    book_impulse(ledger, here, c, work, dw)
+    rest = kinetic(w, w1) - pull - work
+    if touch.target > 0.0:
+        book(ledger, here, REPULSED, rest)
+        return True
+    relative = subtract(scaled(0.5, add(w, w1)), obj)
+    along = dot(dw, n) * dot(relative, n)
+    if not lawful:
+        along -= dt * dot(ledger.gravity, n) * dot(du, n)
+    slip = add_scaled(relative, -dot(relative, n), n)
+    book(ledger, here, RESTITUTED, lost)
+    book(ledger, here, CONTACT, along - lost)
+    book_loss(ledger, here, dry_share(table, c, length(slip), abs(dot(dw, n))),
+              rest - along, CONTACT)
+    return True
 
 
 @inlined
@@ -275,7 +296,7 @@ def lost_in_pass(table, touch, target):
 @inlined
 def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w, w1):
     """Book a contact with two colliders at once, as `book_contact`."""
-    if ledger is not None:
+    if is_kept(ledger):
         dt = rules.flight.dt
         obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
         obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
@@ -286,6 +307,16 @@ def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w
 @inlined
 def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
                  lawful):
+    """Book what two colliders do at once as `book_two`, where a ledger is kept."""
+    if is_kept(ledger):
+        by_address(book_two, rules.present.modules[BOOK_TWO], True,
+                   (ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost,
+                    otherwise, lawful))
+
+
+@kernel
+def book_two(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
+             lawful):
     """
     Book what two colliders do at once.
 
@@ -304,34 +335,34 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
     otherwise : int
         Account of what is left along the normals.
     lawful : bool
-        As in `book_contact`.
+        As in `book_pass`.
 
     """
-    if ledger is not None:
-        dt, n1, n2 = rules.flight.dt, one.normal, two.normal
-        dw, du, mean = subtract(w1, w), subtract(u1, u), scaled(0.5, add(w, w1))
-        first, a, b = two_parts(n1, n2, dw)
-        _, au, bu = two_parts(n1, n2, du)
-        second, g = subtract(dw, first), ledger.gravity
-        work1, work2 = dot(first, obj1), dot(second, obj2)
-        pull = book_pull(ledger, here, dt, du, lawful)
-        book_impulse(ledger, here, one.collider, work1, first)
-        book_impulse(ledger, here, two.collider, work2, second)
-        along = a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
-        if not lawful:
-            along -= dt * (au * dot(g, n1) + bu * dot(g, n2))
-        book(ledger, here, RESTITUTED, lost)
-        book(ledger, here, otherwise, along - lost)
-        slip = subtract(mean, obj1)
-        slip = add_scaled(slip, -dot(slip, n1), n1)
-        book_loss(ledger, here, dry_share(table, one.collider, length(slip), abs(a)),
-                  kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
+    dt, n1, n2 = rules.flight.dt, one.normal, two.normal
+    dw, du, mean = subtract(w1, w), subtract(u1, u), scaled(0.5, add(w, w1))
+    first, a, b = two_parts(n1, n2, dw)
+    _, au, bu = two_parts(n1, n2, du)
+    second, g = subtract(dw, first), ledger.gravity
+    work1, work2 = dot(first, obj1), dot(second, obj2)
+    pull = book_pull(ledger, here, dt, du, lawful)
+    book_impulse(ledger, here, one.collider, work1, first)
+    book_impulse(ledger, here, two.collider, work2, second)
+    along = a * dot(subtract(mean, obj1), n1) + b * dot(subtract(mean, obj2), n2)
+    if not lawful:
+        along -= dt * (au * dot(g, n1) + bu * dot(g, n2))
+    book(ledger, here, RESTITUTED, lost)
+    book(ledger, here, otherwise, along - lost)
+    slip = subtract(mean, obj1)
+    slip = add_scaled(slip, -dot(slip, n1), n1)
+    book_loss(ledger, here, dry_share(table, one.collider, length(slip), abs(a)),
+              kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
+    return True
 
 
 @inlined
 def book_placing(ledger, rules, here, poses, motion, c, x0, x1, x2, w, w1):
     """Book a push from x1 to x2, and with a fail-safe of collider c a change of velocity."""
-    if ledger is not None:
+    if is_kept(ledger):
         obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
         dw = subtract(w1, w)
         book_shift(ledger, here, REPULSED, subtract(x2, x1))

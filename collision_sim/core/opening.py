@@ -20,13 +20,14 @@ Values are handed over for their types alone.
 from collision_sim.core.detection import (first_on_way, meeting_on_path, normal_between,
                                           survey_path)
 from collision_sim.core.jit import address_of, entry
+from collision_sim.core.ledger import book_pass, book_two
 from collision_sim.core.mesh import mesh_distance
 from collision_sim.core.mesh_blocks import mark_near_box, mark_on_way
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh_gap, mesh_hit
-from collision_sim.core.modules import (BLOCKER, MEETING_ON_PATH, MESH_BOXES, MESH_DEPTH,
-                                        MESH_DISTANCE, MESH_END, MESH_GAP, MESH_HIT, MESH_WAY,
-                                        MESHES_ON_WAY, NORMAL_BETWEEN, SURVEY_PATH,
-                                        TO_BOTH_SURFACES, TO_SURFACE)
+from collision_sim.core.modules import (BLOCKER, BOOK_PASS, BOOK_TWO, MEETING_ON_PATH,
+                                        MESH_BOXES, MESH_DEPTH, MESH_DISTANCE, MESH_END, MESH_GAP,
+                                        MESH_HIT, MESH_WAY, MESHES_ON_WAY, NORMAL_BETWEEN,
+                                        SURVEY_PATH, TO_BOTH_SURFACES, TO_SURFACE)
 from collision_sim.core.rules import Here, NOTHING
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import DISTANCE
@@ -98,14 +99,25 @@ def open_second_order(rules, table, poses, motion):
         rules, here, table, poses, motion, at, at, NOTHING, NOTHING, at, at))
 
 
-def open_modules(rules, table, poses, motion, accounts):
+@entry
+def open_ledger(rules, table, poses, motion, ledger):
+    """Open what books; the arguments are as in `open_paths`."""
+    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
+    here = Here(i, i, i, i, i, r, modules, table, modules)
+    modules[BOOK_PASS] = address_of(book_pass, flag, (
+        ledger, rules, here, table, poses, motion, NOTHING, at, at, at, at, at, at, r, flag))
+    modules[BOOK_TWO] = address_of(book_two, flag, (
+        ledger, rules, here, table, NOTHING, NOTHING, at, at, at, at, at, at, r, i, flag))
+
+
+def open_modules(rules, table, poses, motion, accounts, ledger):
     """
     Open the modules that the steps of a scene need, those that are not open already.
 
     Parameters
     ----------
     rules : rules.Rules
-    table, poses, motion, accounts
+    table, poses, motion, accounts, ledger
         As in plan.Parts.
 
     """
@@ -116,3 +128,5 @@ def open_modules(rules, table, poses, motion, accounts):
         open_paths(rules, table, poses, motion, accounts)
     if rules.second and not modules[TO_SURFACE]:
         open_second_order(rules, table, poses, motion)
+    if len(ledger.rows) and not modules[BOOK_PASS]:
+        open_ledger(rules, table, poses, motion, ledger)

@@ -23,7 +23,7 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.around import find_around, move, Moved
-from collision_sim.core.candidates import Candidates, fly_anew, is_settled
+from collision_sim.core.candidates import Candidates, is_settled, mean_anew
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
@@ -35,7 +35,7 @@ from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
-from collision_sim.core.rules import account_of, Here, NONE, ROUNDING, Rules
+from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.ties import stands_first
@@ -231,9 +231,7 @@ def _throw_back(stage, i, answers):
     after, _ = respond(stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
                        at(walls.values, k, ALONG), v_n,
                        normal_impulse(v_n, stage.table[c, RESTITUTION]))
-    mean, _ = fly_anew(stage.candidates, None, account_of(i // BLOCK, i), stage.rules.flight, v,
-                       after, u, column(stage.candidates.w, i))
-    return True, after, mean
+    return True, after, mean_anew(stage.rules.flight, v, after, u)
 
 
 @kernel

@@ -50,7 +50,7 @@ from collision_sim.core.contact_solver import (at, BODIES, colour_contacts, COLO
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.joint import make_room, MOST, OPEN, restrain, settle_group
-from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL
+from collision_sim.core.ledger import book, book_impulse, GRAVITY, INTERNAL, is_kept
 from collision_sim.core.ledger import CONTACT as LOST_IN_CONTACT
 from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.pair_collisions import follow, LOOSE, part_all
@@ -144,7 +144,7 @@ def _book(stage, ledger, bodies, pairs, contacts):
 
     So the impulses between particles bring no energy, though that of one alone would.
     """
-    if ledger is not None:
+    if is_kept(ledger):
         pile = stage.pile
         for a in range(bodies):
             put_at(pile.bodies, a, ENDING, column(stage.candidates.w, pile.particle[a]))
@@ -499,7 +499,7 @@ def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers
     _hand_on(stage.pair_rules.part, stage.candidates, pile, bodies, pairs)
     for c in range(pairs, contacts):
         if _presses(pile, c):
-            _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], None), pile, c)
+            _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], answers), pile, c)
     _book(stage, stage.ledger, bodies, pairs, contacts)
     numbers[MET] = 0
     if bodies > 0:

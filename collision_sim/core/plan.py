@@ -19,7 +19,7 @@ Handing a dozen arrays and tuples to a compiled function takes longer than a ste
 a Plan is handed over as a pointer.
 """
 
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.core.broad_phase import Grid
 from collision_sim.core.candidates import Candidates
@@ -38,7 +38,7 @@ class Parts(NamedTuple):
     rules: what a step does; table (C, shapes.COLUMNS): the colliders; poses (S + 1, C, 12), one
     row where nothing moves; motion (S, C, motion.MOTION), then one row too; radius (N,) [m],
     or (1,) of all; log, accounts, notes: of response.py, a segment for each block, log without
-    room if nobody wants it; x, v (3, N) [m], [m/s]; ledger, None for no ledger;
+    room if nobody wants it; x, v (3, N) [m], [m/s]; ledger;
     candidates: of no particle where springs and pairs change nothing; grid: without cells in
     scenes of few colliders. All from log to ledger are written. block: particles of a block.
     """
@@ -53,7 +53,7 @@ class Parts(NamedTuple):
     notes: np.ndarray
     x: np.ndarray
     v: np.ndarray
-    ledger: Optional[Ledger]
+    ledger: Ledger
     candidates: Candidates
     grid: Grid
     block: int

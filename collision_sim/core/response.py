@@ -464,8 +464,8 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
         Tables of shapes.py, motion.py and this module; the last three are written.
     x0, v0 : (3,) tuple of float [m], [m/s]
         State at the start of the step.
-    ledger : ledger.Ledger or None
-        Where the flight is booked already, and all else is; None for no ledger.
+    ledger : ledger.Ledger
+        Where the flight is booked already, and all else is, if it is kept.
     candidates : candidates.Candidates
         Of no particle where springs and pairs change nothing.
     around : nearby.Around or None

@@ -250,7 +250,7 @@ def begin_steps(posted, counters, springs, flight, ledger, x, v, candidates, rea
         All of them.
     flight : flight.Flight
         Coefficients of the step.
-    ledger : ledger.Ledger or None
+    ledger : ledger.Ledger
         Written.
     x, v : (3, N) float64 [m], [m/s]
         State at the start of the step.

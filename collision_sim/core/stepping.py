@@ -26,6 +26,7 @@ from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect
 from collision_sim.core.broad_phase import most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
 from collision_sim.core.jit import entry, inlined, prefetch, widest_vectors
+from collision_sim.core.ledger import is_kept
 from collision_sim.core.lines import in_lines, LINE
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
@@ -114,12 +115,11 @@ def _answer_together(ledger, candidates, grid, rules, margins, here, table, pose
     """Answer those that touch a single plane together, unless they are few; how many are left."""
     for k in range(count):
         unanswered[k] = k
-    if ledger is None:
-        if not rules.sweep:
-            if count >= TOGETHER and rules.planes and candidates.settled.shape[0] == 0:
-                return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
-                                     accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells,
-                                     chosen, touching, held, unanswered, count)
+    if (count >= TOGETHER and rules.planes and not is_kept(ledger)
+            and candidates.settled.shape[0] == 0):
+        return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
+                             accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
+                             touching, held, unanswered, count)
     return count
 
 
