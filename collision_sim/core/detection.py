@@ -60,7 +60,7 @@ def end_distance(rules, here, table, poses, motion, c, x0, x1):
     """
     present = rules.present
     if table[c, KIND] == MESH:
-        return by_address(mesh_end, present.modules[MESH_END], DISTANCE,
+        return by_address(present.modules, MESH_END, mesh_end, DISTANCE,
                           (present.meshes, here.answers, table, poses, here.start, here.end, c,
                            here.radius, x0, x1))
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
@@ -75,7 +75,7 @@ def end_gap(rules, here, table, poses, motion, c, reach, x0, x1):
     gap, n = end_distance(rules, here, table, poses, motion, c, x0, x1)
     present = rules.present
     if table[c, KIND] == MESH and not gap < 0.0:
-        return by_address(mesh_gap, present.modules[MESH_GAP], DISTANCE,
+        return by_address(present.modules, MESH_GAP, mesh_gap, DISTANCE,
                           (present.meshes, table, poses, here.start, here.end, c, here.radius,
                            reach, x1))
     return gap, n
@@ -113,7 +113,7 @@ def path_hit(rules, here, table, poses, motion, c, x0, x1):
     start = subtract(x0, origin(poses, here.start, c))
     present = rules.present
     if table[c, KIND] == MESH and angle == 0.0:
-        tau, n = by_address(hit_on_way, present.modules[MESH_WAY], DISTANCE,
+        tau, n = by_address(present.modules, MESH_WAY, hit_on_way, DISTANCE,
                             (present.meshes, here.answers, table, poses, here.start, here.end, c,
                              here.radius, x0, x1))
         return tau, n, add_scaled(start, tau, move), True
@@ -160,7 +160,7 @@ def _start_depth(rules, here, table, poses, motion, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
     present = rules.present
     if table[c, KIND] == MESH:
-        return by_address(depth_at, present.modules[MESH_DEPTH], NEVER,
+        return by_address(present.modules, MESH_DEPTH, depth_at, NEVER,
                           (present.meshes, here.answers, table, poses, here.start, c, here.radius,
                            x0))
     if has_faces(table, c):
@@ -285,7 +285,7 @@ def contact_normal(rules, here, table, poses, c, x0, x1, depth, phi, n):
 
     """
     if rules.second and depth == 0.0:
-        return by_address(normal_between, rules.present.modules[NORMAL_BETWEEN],
+        return by_address(rules.present.modules, NORMAL_BETWEEN, normal_between,
                           (n, False, False), (rules, here, table, poses, c, x0, x1, phi, n))
     return n, False, False
 
@@ -652,7 +652,7 @@ def _meeting(rules, here, table, poses, motion, accounts, k, x0, x1, v0, u, hit)
     """
     depth = starts_inside(rules, here, table, poses, motion, k, x0)
     if rules.sweep:
-        return by_address(meeting_on_path, rules.present.modules[MEETING_ON_PATH],
+        return by_address(rules.present.modules, MEETING_ON_PATH, meeting_on_path,
                           (NOTHING, 0.0, 0.0), (rules, here, table, poses, motion, accounts, k,
                                                 depth, x0, x1, v0, u, hit))
     phi, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
@@ -799,7 +799,7 @@ def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0,
 def detect(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
     """Find the next collider to act on: along the path with sweeps, else at the end."""
     if rules.sweep:
-        return by_address(survey_path, rules.present.modules[SURVEY_PATH], (NOTHING, 0),
+        return by_address(rules.present.modules, SURVEY_PATH, survey_path, (NOTHING, 0),
                           (rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides))
     return survey(rules, here, table, poses, motion, x0, x1, v0, u, collides)
 
@@ -808,7 +808,7 @@ def detect(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides)
 def blocker(rules, here, table, poses, motion, x0, x1):
     """Return the collider that is hit first on the way, or NONE; without sweeps no way matters."""
     if rules.sweep:
-        return by_address(first_on_way, rules.present.modules[BLOCKER], NONE,
+        return by_address(rules.present.modules, BLOCKER, first_on_way, NONE,
                           (rules, here, table, poses, motion, x0, x1))
     return NONE
 

@@ -59,7 +59,7 @@ from collision_sim.core.rules import (CHANGE, COLLISION, N_COLLISION, N_CONTACT,
                                       STICK, Touch)
 from collision_sim.core.shapes import RESTITUTION, SIDE
 from collision_sim.core.stepping import EVENT_BLOCK
-from collision_sim.core.surfaces import FACES, faces, gap_to, Spot, touching_depth
+from collision_sim.core.surfaces import as_here, FACES, faces, gap_to, Spot, touching_depth
 from collision_sim.core.sustained import (choose_mode, FLIES, GLIDES, normal_at, onto_surfaces,
                                           opening, pull, resting_place, RESTS, SLIDES, smooth)
 from collision_sim.core.threads import CLAIMED, ENTERED, fetch_add, LEFT
@@ -523,19 +523,19 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, met, lo
 
 
 @inlined
-def _step_particle(rules, forces, here, table, poses, motion, courses, work, met, log, accounts,
+def _step_particle(rules, forces, spot, table, poses, motion, courses, work, met, log, accounts,
                    notes, ledger, nobody, duration, x0, v0):
     """Take one particle through a step; place and velocity."""
     u, w = fly(rules.flight, v0)
     if not is_finite(add_scaled(x0, duration, u), w):
-        return freeze(accounts, here.block, x0)
-    here = _spot(here, forces, duration, v0)
-    if _is_inside(here, table, poses, courses, 0.0, x0):
+        return freeze(accounts, spot.block, x0)
+    here, spot = as_here(spot), _spot(spot, forces, duration, v0)
+    if _is_inside(spot, table, poses, courses, 0.0, x0):
         _book_candidate(ledger, rules, here, v0)
         x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
                          nobody)
     else:
-        x1, v1 = go_through(rules, forces, here, table, poses, motion, courses, work, met, log,
+        x1, v1 = go_through(rules, forces, spot, table, poses, motion, courses, work, met, log,
                             accounts, notes, ledger, duration, x0, v0)
     return (x1, v1) if is_finite(x1, v1) else freeze(accounts, here.block, x0)
 
@@ -572,10 +572,10 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                here = Spot(min(step, turns), start, end, block, i, radius_at(radius, i), everyone,
+                spot = Spot(min(step, turns), start, end, block, i, radius_at(radius, i), everyone,
                             answers, everyone[:0], 0.0)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
-                x1, v1 = _step_particle(rules, forces, here, table, poses, motion, courses, work,
+                x1, v1 = _step_particle(rules, forces, spot, table, poses, motion, courses, work,
                                         met, log, accounts, notes, ledger, nobody, duration, x0,
                                         v0)
                 x[0, i], x[1, i], x[2, i] = x1

@@ -258,11 +258,10 @@ def bound(function, *args):
 
 
 if config.DISABLE_JIT:
-    def address_of(function, like, args):
-        """Return 0: plain Python calls functions by their names."""
-        return 0
+    def open_kernel(modules, number, function, like, args):
+        """Do nothing: plain Python calls functions by their names."""
 
-    def by_address(function, address, like, args):
+    def by_address(modules, number, function, like, args):
         """Call a function."""
         return function(*args)
 
@@ -296,27 +295,39 @@ else:
         """
         Return the type of what is handed to or by a function that is called by its address.
 
-        Such a call is not checked against the function: the types have to be the same by
-        themselves. So integers and floats have 64 bits, and arrays are contiguous.
+        Integers and floats have 64 bits, and arrays are contiguous.
         """
-        if isinstance(value, types.BaseNamedTuple):
-            parts = [_handed(part) for part in value]
-            return types.NamedTuple(parts, value.instance_class)
         if isinstance(value, types.BaseTuple):
-            return types.BaseTuple.from_types([_handed(part) for part in value])
+            parts = [_handed(part) for part in value]
+            return types.BaseTuple.from_types(parts, getattr(value, 'instance_class', None))
         plain, numbers = types.unliteral(value), (types.int64, types.float64, types.boolean)
         whole = isinstance(plain, types.Array) and plain.layout == 'C' and plain.mutable
         if not whole and plain not in numbers:
             raise TypingError(f'{value} cannot be handed to a function by its address')
         return plain
 
+    def _kind(result, handed):
+        """Return a number for the types that a function returns and is handed."""
+        digest = sha256(f'{result} {handed}'.encode()).digest()
+        return ir.IntType(WORD)(int.from_bytes(digest[:8], 'little', signed=True))
+
+    def _place_in(context, builder, modules_type, modules, number, column):
+        """Return the pointer to a column of a row of the modules."""
+        array, zero = make_array(modules_type)(context, builder, modules), ir.IntType(WORD)
+        return cgutils.get_item_pointer(context, builder, modules_type, array,
+                                        [number, zero(column)], wraparound=False)
+
     @intrinsic
-    def address_of(typing_context, function, like, args):
+    def open_kernel(typing_context, modules, number, function, like, args):
         """
-        Return the address of a kernel, compiled for values of these types; valid in this process.
+        Write the address of a kernel, valid in this process, to a row of the modules.
 
         Parameters
         ----------
+        modules : (M, 2) int64
+            Addresses, and what stands for the types that the kernel is compiled for.
+        number : int
+            Which row.
         function : function
             The kernel.
         like
@@ -324,13 +335,9 @@ else:
         args : tuple
             Values of the types that it is handed.
 
-        Returns
-        -------
-        address : int
-
         """
-        parts, result = tuple(_handed(args)), _handed(like)
-        called = function.get_call_type(typing_context, parts, {})
+        handed, result = _handed(args), _handed(like)
+        called = function.get_call_type(typing_context, tuple(handed), {})
         if types.unliteral(called.return_type) != result:
             raise TypingError(f'{function} returns {called.return_type}, not {result}')
 
@@ -339,21 +346,26 @@ else:
             context.add_linking_libs(getattr(implementation, 'libs', ()))
             compiled = function.dispatcher.overloads[called.args]
             declared = context.declare_function(builder.module, compiled.fndesc)
-            return builder.ptrtoint(declared, ir.IntType(WORD))
-        return types.int64(function, result, _handed(args)), generate
+            address = builder.ptrtoint(declared, ir.IntType(WORD))
+            for column, value in enumerate((address, _kind(result, handed))):
+                place = _place_in(context, builder, modules, *arguments[:2], column)
+                builder.store(value, place)
+            return context.get_dummy_value()
+        return types.none(modules, types.int64, function, result, handed), generate
 
     @intrinsic
-    def by_address(typing_context, function, address, like, args):
+    def by_address(typing_context, modules, number, function, like, args):
         """
-        Call the kernel at an address of `address_of`.
+        Call the kernel at an address that `open_kernel` has written.
 
         The caller is compiled without it, and it without the caller. A call takes some 10 ns.
 
         Parameters
         ----------
+        modules, number
+            As of `open_kernel`.
         function : function
             The kernel; in plain Python it is called, compiled code calls the address.
-        address : int
         like
             A value of the type that it returns.
         args : tuple
@@ -364,17 +376,28 @@ else:
         value
             What it returns.
 
+        Raises
+        ------
+        RuntimeError
+            If it is not open for these types.
+
         """
         handed, result = _handed(args), _handed(like)
-        parts = tuple(handed)
+        parts, name = tuple(handed), function.dispatcher.py_func.__name__
 
         def generate(context, builder, signature, arguments):
-            kind = context.call_conv.get_function_type(result, parts)
-            place = builder.inttoptr(arguments[1], kind.as_pointer())
-            values = cgutils.unpack_tuple(builder, arguments[3], len(parts))
+            address, kind = (builder.load(_place_in(context, builder, modules, *arguments[:2],
+                                                    column)) for column in range(2))
+            closed = builder.icmp_signed('!=', kind, _kind(result, handed))
+            with builder.if_then(closed, likely=False):
+                context.call_conv.return_user_exc(
+                    builder, RuntimeError, (f'{name} is not open for what it is handed',))
+            called = context.call_conv.get_function_type(result, parts)
+            place = builder.inttoptr(address, called.as_pointer())
+            values = cgutils.unpack_tuple(builder, arguments[4], len(parts))
             _, value = context.call_conv.call_function(builder, place, result, parts, values)
             return value
-        return result(function, types.int64, result, handed), generate
+        return result(modules, types.int64, function, result, handed), generate
 
     @intrinsic
     def widest_vectors(typing_context):

@@ -233,7 +233,7 @@ def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u,
                  lawful):
     """Book a pass of the contact stage as `book_pass`, where a ledger is kept."""
     if is_kept(ledger):
-        by_address(book_pass, rules.present.modules[BOOK_PASS], True,
+        by_address(rules.present.modules, BOOK_PASS, book_pass, True,
                    (ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1,
                     lost, lawful))
 
@@ -309,7 +309,7 @@ def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1,
                  lawful):
     """Book what two colliders do at once as `book_two`, where a ledger is kept."""
     if is_kept(ledger):
-        by_address(book_two, rules.present.modules[BOOK_TWO], True,
+        by_address(rules.present.modules, BOOK_TWO, book_two, True,
                    (ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost,
                     otherwise, lawful))
 

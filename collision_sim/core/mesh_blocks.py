@@ -159,7 +159,7 @@ def clear_of_meshes(present, sweep, table, poses, motion, step, start, end, radi
 
     """
     if present.meshes.heads.shape[0] > 0:
-        by_address(mark_on_way, present.modules[MESHES_ON_WAY], 0,
+        by_address(present.modules, MESHES_ON_WAY, mark_on_way, 0,
                    (present.meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z,
                     new, clear, near))
 
@@ -195,6 +195,6 @@ def clear_of_mesh_boxes(present, table, poses, start, end, reach, x, y, z, x1, y
 
     """
     if present.meshes.heads.shape[0] > 0:
-        by_address(mark_near_box, present.modules[MESH_BOXES], 0,
+        by_address(present.modules, MESH_BOXES, mark_near_box, 0,
                    (present.meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear,
                     near))

@@ -23,7 +23,7 @@ a flag of rules.Rules.
 
 import numpy as np
 
-# Where the address of a kernel is.
+# Rows of the modules.
 (MESH_DISTANCE, MESH_DEPTH, MESH_END, MESH_GAP, MESH_WAY, MESH_HIT, MESHES_ON_WAY,
  MESH_BOXES, SURVEY_PATH, MEETING_ON_PATH, BLOCKER, NORMAL_BETWEEN, TO_SURFACE,
  TO_BOTH_SURFACES, BOOK_PASS, BOOK_TWO) = range(16)
@@ -32,4 +32,4 @@ MODULES = 16
 
 def no_modules():
     """Return room for the addresses of all modules, with none of them opened."""
-    return np.zeros(MODULES, dtype=np.int64)
+    return np.zeros((MODULES, 2), dtype=np.int64)

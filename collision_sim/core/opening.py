@@ -19,7 +19,7 @@ Values are handed over for their types alone.
 
 from collision_sim.core.detection import (first_on_way, meeting_on_path, normal_between,
                                           survey_path)
-from collision_sim.core.jit import address_of, entry
+from collision_sim.core.jit import entry, open_kernel
 from collision_sim.core.ledger import book_pass, book_two
 from collision_sim.core.mesh import mesh_distance
 from collision_sim.core.mesh_blocks import mark_near_box, mark_on_way
@@ -31,6 +31,7 @@ from collision_sim.core.modules import (BLOCKER, BOOK_PASS, BOOK_TWO, MEETING_ON
 from collision_sim.core.rules import Here, NOTHING
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import DISTANCE
+import numpy as np
 
 
 @entry
@@ -48,19 +49,19 @@ def open_meshes(present, table, poses, motion):
     """
     meshes, modules, at, i, r = present.meshes, present.modules, DISTANCE[1], 0, 0.0
     row = table[0]
-    modules[MESH_DISTANCE] = address_of(mesh_distance, DISTANCE, (meshes, i, at))
-    modules[MESH_DEPTH] = address_of(depth_at, r, (meshes, table, table, poses, i, i, r, at))
-    modules[MESH_END] = address_of(mesh_end, DISTANCE,
-                                   (meshes, table, table, poses, i, i, i, r, at, at))
-    modules[MESH_GAP] = address_of(mesh_gap, DISTANCE,
-                                   (meshes, table, poses, i, i, i, r, r, at))
-    modules[MESH_WAY] = address_of(hit_on_way, DISTANCE,
-                                   (meshes, table, table, poses, i, i, i, r, at, at))
-    modules[MESH_HIT] = address_of(mesh_hit, DISTANCE,
-                                   (meshes, table, poses, i, i, r, at, at, at, r))
-    modules[MESHES_ON_WAY] = address_of(mark_on_way, i, (
+    open_kernel(modules, MESH_DISTANCE, mesh_distance, DISTANCE, (meshes, i, at))
+    open_kernel(modules, MESH_DEPTH, depth_at, r, (meshes, table, table, poses, i, i, r, at))
+    open_kernel(modules, MESH_END, mesh_end, DISTANCE, (
+        meshes, table, table, poses, i, i, i, r, at, at))
+    open_kernel(modules, MESH_GAP, mesh_gap, DISTANCE, (
+        meshes, table, poses, i, i, i, r, r, at))
+    open_kernel(modules, MESH_WAY, hit_on_way, DISTANCE, (
+        meshes, table, table, poses, i, i, i, r, at, at))
+    open_kernel(modules, MESH_HIT, mesh_hit, DISTANCE, (
+        meshes, table, poses, i, i, r, at, at, at, r))
+    open_kernel(modules, MESHES_ON_WAY, mark_on_way, i, (
         meshes, False, table, poses, motion, i, i, i, row, row, row, row, table, row, row))
-    modules[MESH_BOXES] = address_of(mark_near_box, i, (
+    open_kernel(modules, MESH_BOXES, mark_near_box, i, (
         meshes, table, poses, i, i, row, row, row, row, row, row, row, row, row))
 
 
@@ -78,24 +79,26 @@ def open_paths(rules, table, poses, motion, accounts):
 
     """
     modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    here = Here(i, i, i, i, i, r, modules, table, modules)
-    modules[SURVEY_PATH] = address_of(survey_path, (NOTHING, i), (
+    chosen = np.empty(0, dtype=np.int64)
+    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+    open_kernel(modules, SURVEY_PATH, survey_path, (NOTHING, i), (
         rules, here, table, poses, motion, accounts, at, at, at, at, flag))
-    modules[MEETING_ON_PATH] = address_of(meeting_on_path, (NOTHING, r, r), (
+    open_kernel(modules, MEETING_ON_PATH, meeting_on_path, (NOTHING, r, r), (
         rules, here, table, poses, motion, accounts, i, r, at, at, at, at, flag))
-    modules[BLOCKER] = address_of(first_on_way, i, (rules, here, table, poses, motion, at, at))
+    open_kernel(modules, BLOCKER, first_on_way, i, (rules, here, table, poses, motion, at, at))
 
 
 @entry
 def open_second_order(rules, table, poses, motion):
     """Open what contacts of second order need; the arguments are as in `open_paths`."""
     modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    here = Here(i, i, i, i, i, r, modules, table, modules)
-    modules[NORMAL_BETWEEN] = address_of(normal_between, (at, flag, flag), (
+    chosen = np.empty(0, dtype=np.int64)
+    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+    open_kernel(modules, NORMAL_BETWEEN, normal_between, (at, flag, flag), (
         rules, here, table, poses, i, at, at, r, at))
-    modules[TO_SURFACE] = address_of(to_surface, (at, at, at, flag), (
+    open_kernel(modules, TO_SURFACE, to_surface, (at, at, at, flag), (
         rules, here, table, poses, motion, at, at, NOTHING, at))
-    modules[TO_BOTH_SURFACES] = address_of(to_both_surfaces, (at, at), (
+    open_kernel(modules, TO_BOTH_SURFACES, to_both_surfaces, (at, at), (
         rules, here, table, poses, motion, at, at, NOTHING, NOTHING, at, at))
 
 
@@ -103,10 +106,11 @@ def open_second_order(rules, table, poses, motion):
 def open_ledger(rules, table, poses, motion, ledger):
     """Open what books; the arguments are as in `open_paths`."""
     modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    here = Here(i, i, i, i, i, r, modules, table, modules)
-    modules[BOOK_PASS] = address_of(book_pass, flag, (
+    chosen = np.empty(0, dtype=np.int64)
+    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+    open_kernel(modules, BOOK_PASS, book_pass, flag, (
         ledger, rules, here, table, poses, motion, NOTHING, at, at, at, at, at, at, r, flag))
-    modules[BOOK_TWO] = address_of(book_two, flag, (
+    open_kernel(modules, BOOK_TWO, book_two, flag, (
         ledger, rules, here, table, NOTHING, NOTHING, at, at, at, at, at, at, r, i, flag))
 
 
@@ -122,11 +126,11 @@ def open_modules(rules, table, poses, motion, accounts, ledger):
 
     """
     modules = rules.present.modules
-    if rules.present.meshes.heads.size and not modules[MESH_DISTANCE]:
+    if rules.present.meshes.heads.size and not modules[MESH_DISTANCE, 0]:
         open_meshes(rules.present, table, poses, motion)
-    if rules.sweep and not modules[SURVEY_PATH]:
+    if rules.sweep and not modules[SURVEY_PATH, 0]:
         open_paths(rules, table, poses, motion, accounts)
-    if rules.second and not modules[TO_SURFACE]:
+    if rules.second and not modules[TO_SURFACE, 0]:
         open_second_order(rules, table, poses, motion)
-    if len(ledger.rows) and not modules[BOOK_PASS]:
+    if len(ledger.rows) and not modules[BOOK_PASS, 0]:
         open_ledger(rules, table, poses, motion, ledger)

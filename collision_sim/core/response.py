@@ -200,7 +200,7 @@ def _pressed(rules, here, table, poses, motion, x0, v0, touch, u, w, target, hit
     c, n, most = touch.collider, touch.normal, 0.0
     if touch.stays and not lawful:
         u_after, x1, n, stuck = by_address(
-            to_surface, rules.present.modules[TO_SURFACE], (u, u, u, False),
+            rules.present.modules, TO_SURFACE, to_surface, (u, u, u, False),
             (rules, here, table, poses, motion, x0, v0, touch, u))
         du = subtract(u_after, u)
         w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
@@ -409,7 +409,7 @@ def press_both(rules, here, table, poses, motion, log, accounts, ledger, x0, v0,
         Mean and end velocity after it.
 
     """
-    u, w = by_address(to_both_surfaces, rules.present.modules[TO_BOTH_SURFACES], passed,
+    u, w = by_address(rules.present.modules, TO_BOTH_SURFACES, to_both_surfaces, passed,
                       (rules, here, table, poses, motion, x0, v0, one, two, free[0], free[1]))
     record_jointly(log, accounts, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
                    subtract(w, passed[1]))

@@ -220,7 +220,7 @@ def local_distance(kind, point, size):
 def _distance_in_frame(present, table, c, point):
     """Distance and normal in the frame of collider c, before its side is looked at."""
     if table[c, KIND] == MESH:
-        return by_address(mesh_distance, present.modules[MESH_DISTANCE], DISTANCE,
+        return by_address(present.modules, MESH_DISTANCE, mesh_distance, DISTANCE,
                           (present.meshes, int(table[c, SIZE + 1]), point))
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
     return local_distance(table[c, KIND], point, size)

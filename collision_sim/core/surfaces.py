@@ -31,6 +31,7 @@ from typing import NamedTuple, Optional
 from collision_sim.core.courses import centre, material_velocity, spin_axis, spin_rate
 from collision_sim.core.faces import drawn_in, face_at, face_towards, FLUSH, leans
 from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.rules import Here
 from collision_sim.core.shapes import (BOX, CAPSULE, CYLINDER, has_faces, KIND, local_distance,
                                        PLANE, SIDE, SIZE)
 from collision_sim.core.trajectory import TOUCHING
@@ -59,6 +60,13 @@ class Spot(NamedTuple):
     answers: Optional[np.ndarray]
     only: Optional[np.ndarray]
     way: float
+
+
+@inlined
+def as_here(spot):
+    """Return a Spot as rules.Here."""
+    return Here(spot.step, spot.start, spot.end, spot.block, spot.particle, spot.radius,
+                spot.chosen, spot.answers, spot.only)
 
 
 @inlined

@@ -212,7 +212,7 @@ def _turns_in_itself(table, poses, row, c, axis):
 def _hits_mesh(present, table, poses, row, c, radius, arm, move, axis, angle):
     """Whether a collider is a mesh, and the time and the normal of the first hit then."""
     if table[c, KIND] == MESH:
-        tau, n = by_address(mesh_hit, present.modules[MESH_HIT], DISTANCE,
+        tau, n = by_address(present.modules, MESH_HIT, mesh_hit, DISTANCE,
                             (present.meshes, table, poses, row, c, radius, arm, move, axis, angle))
         return True, tau, n
     return False, NEVER, (0.0, 0.0, 1.0)
