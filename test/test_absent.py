@@ -236,6 +236,8 @@ def test_same_input_twice(method):
     assert_same(first, second)
 
 
+PYRAMID = {'vertices': [[-1, -1, 0], [1, -1, 0], [0, 1, 0], [0, 0, 1]],
+           'faces': [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]}
 VALUES = {
     'shapes': {'colliders': [GROUND, BALL, {'name': 'rod', 'shape': 'capsule', 'radius': 0.1,
                                             'length': 1.0, 'position': [0.0, 1.0, 0.3]}]},
@@ -247,7 +249,10 @@ VALUES = {
     'drag': {'drag': {'linear': 0.5, 'quadratic': 0.1}},
     'radius': {'particles': {'radius': 0.05}},
     'radii': {'particles': {'radius': [0.05, *[0.1] * (COUNT - 1)]}},
-    'silent': {'contacts': False}, 'one by one': {'method': 'multi_pass'}}
+    'silent': {'contacts': False}, 'one by one': {'method': 'multi_pass'},
+    'paths': {'stepping': {'detection': 'trajectory'}}, 'ledger': {'ledger': True},
+    'second order': {'method': 'second_order_contact'},
+    'mesh': {'colliders': [GROUND, {'name': 'pyramid', 'shape': 'mesh', **PYRAMID}]}}
 
 
 @pytest.mark.parametrize('name', VALUES)
