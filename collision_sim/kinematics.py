@@ -82,8 +82,8 @@ class Kinematics:
         Laid out; one row where nothing moves.
     motion : (S, C, MOTION) float64
         One row of zeros where nothing moves.
-    courses : (S, C, courses.COURSE) float64 or None
-        For the event-driven method.
+    courses : (S, C, courses.COURSE) float64
+        For the event-driven method; no rows where nothing moves, or for others.
     row : int
         Row of `poses` that is now, and of `motion` that is the next step.
     grid : broad_phase.Grid
@@ -115,7 +115,7 @@ class Kinematics:
         """Go back to the start."""
         self.poses, self.row = self._base[None].copy(), 0
         count = len(self._indices)
-        self.motion, self.courses = np.zeros((1, count, MOTION)), None
+        self.motion, self.courses = np.zeros((1, count, MOTION)), np.empty((0, count, 0))
         self._tracks = []                           # Tracks of the steps to come, by `move`
         self._moved = np.zeros(count, dtype=bool)   # by `move`, at any time
         self._chords = np.full((2, count, TWIST), np.nan)   # of the last steps; NaN: none

@@ -87,8 +87,8 @@ def acting_forces(scene):
     """Give what acts on a particle in flight, as sustained.Forces."""
     from collision_sim.core.sustained import BLINK, Forces      # takes a while
     drag = scene.drag or Drag()
-    return Forces(scene.gravity, drag.wind, drag.linear or None, drag.quadratic or None,
-                  BLINK * scene.stepping.dt)
+    return Forces(scene.gravity, drag.wind, float(drag.linear or 0.0),
+                  float(drag.quadratic or 0.0), BLINK * scene.stepping.dt)
 
 
 def plane_frame(normal):

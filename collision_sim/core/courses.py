@@ -78,6 +78,12 @@ def fill_courses(poses, motion, scripted, scripts, first, dt):
 
 
 @inlined
+def move(courses):
+    """Whether any collider moves: else there are no courses."""
+    return courses.shape[0] > 0
+
+
+@inlined
 def _three(courses, s, c, k):
     return (courses[s, c, k], courses[s, c, k + 1], courses[s, c, k + 2])
 
@@ -96,7 +102,7 @@ def _scaled(s, a):
 def centre(courses, poses, here, c, t):
     """Position [m] of a collider at a time [s] since the start of the step."""
     start = origin(poses, here.start, c)
-    if courses is not None:
+    if move(courses):
         s, phase = here.step, courses[here.step, c, PHASE]
         moved = _cubic(_scaled(t, _three(courses, s, c, LINEAR)),
                        _scaled(t * t, _three(courses, s, c, SQUARE)),
@@ -119,7 +125,7 @@ def _centre_velocity(courses, here, c, t):
 @inlined
 def material_velocity(courses, poses, here, c, t, x):
     """Velocity [m/s] of the material point of a collider that is at x [m] at time t [s]."""
-    if courses is not None:
+    if move(courses):
         spin = _scaled(courses[here.step, c, SPIN], _three(courses, here.step, c, AXIS))
         arm = subtract(x, centre(courses, poses, here, c, t))
         return add(_centre_velocity(courses, here, c, t), cross(spin, arm))
@@ -148,7 +154,7 @@ def frame_acceleration(courses, poses, here, c, t, x, w):
         That of the position, the centripetal and the Coriolis one.
 
     """
-    if courses is not None:
+    if move(courses):
         s, rate = here.step, courses[here.step, c, RATE]
         spin = _scaled(courses[s, c, SPIN], _three(courses, s, c, AXIS))
         arm = subtract(x, centre(courses, poses, here, c, t))
@@ -163,7 +169,7 @@ def frame_acceleration(courses, poses, here, c, t, x, w):
 @kernel
 def carried(courses, poses, here, c, x, since, t):
     """Where the material point that was at x [m] at time `since` is at time t [s]."""
-    if courses is not None:
+    if move(courses):
         start = centre(courses, poses, here, c, since)
         arm, angle = subtract(x, start), courses[here.step, c, SPIN] * (t - since)
         turn = subtract(turned(_three(courses, here.step, c, AXIS), angle, arm), arm)
@@ -175,7 +181,7 @@ def carried(courses, poses, here, c, x, since, t):
 @inlined
 def spin_rate(courses, here, c):
     """Rate of turn [rad/s]."""
-    if courses is not None:
+    if move(courses):
         return courses[here.step, c, SPIN]
     return 0.0
 
@@ -183,7 +189,7 @@ def spin_rate(courses, here, c):
 @inlined
 def spin_axis(courses, here, c):
     """Axis of turn, zero where there is none."""
-    if courses is not None:
+    if move(courses):
         return _three(courses, here.step, c, AXIS)
     return (0.0, 0.0, 0.0)
 
@@ -191,7 +197,7 @@ def spin_axis(courses, here, c):
 @inlined
 def is_uniform(courses, here, c):
     """Whether the position moves with a constant acceleration and the collider does not turn."""
-    if courses is not None:
+    if move(courses):
         s = here.step
         wobble = length(_three(courses, s, c, CUBE)) + (
             length(_three(courses, s, c, AMPLITUDE)) * courses[s, c, RATE])
@@ -202,7 +208,7 @@ def is_uniform(courses, here, c):
 @inlined
 def accelerates(courses, here, c):
     """Whether the position has a constant acceleration besides its velocity."""
-    if courses is not None:
+    if move(courses):
         return length(_three(courses, here.step, c, SQUARE)) > 0.0
     return False
 
@@ -210,7 +216,7 @@ def accelerates(courses, here, c):
 @kernel
 def largest_jerk(courses, here, c):
     """Bound [m/s^3] on how fast the acceleration of the position changes."""
-    if courses is not None:
+    if move(courses):
         s, rate = here.step, courses[here.step, c, RATE]
         return (6.0 * length(_three(courses, s, c, CUBE))
                 + rate ** 3 * length(_three(courses, s, c, AMPLITUDE)))
@@ -220,7 +226,7 @@ def largest_jerk(courses, here, c):
 @kernel
 def quickest(courses, here, c):
     """Highest rate [rad/s] of turn and oscillation: what limits a step of an integrator."""
-    if courses is not None:
+    if move(courses):
         swings = length(_three(courses, here.step, c, AMPLITUDE)) > 0.0
         return max(courses[here.step, c, SPIN], courses[here.step, c, RATE] if swings else 0.0)
     return 0.0

@@ -43,20 +43,15 @@ HALVINGS = 80           # bisections for the time of an event
 @inlined
 def _decay_rate(linear, wet, coefficient, normal):
     """Rate k [1/s] at which drag and wet friction slow a straight slide."""
-    k = 0.0
-    if linear is not None:
-        k = linear
-    if wet:
-        k += coefficient * normal
-    return k
+    return linear + coefficient * normal if wet else linear
 
 
 @inlined
 def _flight(forces, t, x, v):
     """Path of free flight."""
-    if forces.quadratic is not None:
+    if forces.quadratic > 0.0:
         return Path(FLIES, NOBODY, t, x, v, False, ZERO, 0.0, 0.0, False)
-    k = _decay_rate(forces.linear, None, 0.0, 0.0)
+    k = forces.linear
     return Path(FLIES, NOBODY, t, x, v, True, add_scaled(forces.gravity, k, forces.wind), k, 0.0,
                 False)
 
@@ -78,8 +73,8 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
     curved = Path(SLIDES, holds, t, x, v, False, a, 0.0, 2.0 * length(a), False)
     s, c = holds[0], holds[0] // FACES
     flat = is_flat(table, c, s % FACES, table[c, SIDE])
-    drag = forces.quadratic
-    if holds[1] != NONE or not flat or not is_uniform(courses, here, c) or drag is not None:
+    dragged = forces.quadratic > 0.0
+    if holds[1] != NONE or not flat or not is_uniform(courses, here, c) or dragged:
         return curved, inf
     obj = material_velocity(courses, poses, here, c, t, x)
     w = subtract(v, obj)

@@ -350,7 +350,7 @@ def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met
 @inlined
 def _drag_change(linear, wind, h, dx, dv):
     """Change of velocity less that by linear drag."""
-    if linear is not None:
+    if linear > 0.0:
         return add_scaled(add_scaled(dv, linear, dx), -linear * h, wind)
     return dv
 
@@ -554,8 +554,8 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         What acts on a particle in flight.
     duration : float [s]
         Of a step.
-    courses : (S, C, courses.COURSE) float64 or None
-        How the colliders move; None where none does.
+    courses : (S, C, courses.COURSE) float64
+        How the colliders move; no rows where none does.
     ledger : ledger.Ledger
         Written, where there is one.
 

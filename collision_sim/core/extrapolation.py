@@ -77,13 +77,6 @@ def _implicit_steps(rules, forces, here, table, poses, courses, holds, t, x, v, 
 
 
 @inlined
-def _drag_rate(linear):
-    if linear is not None:
-        return linear
-    return 0.0
-
-
-@inlined
 def _grip(dry, wet, table, c, normal):
     """Give the forces of dry and of wet friction for a normal force: [m/s^2], [1/s]."""
     hold, rate = 0.0, 0.0
@@ -115,7 +108,7 @@ def stiffness(rules, forces, here, table, poses, courses, holds, t, x, v, normal
         In all other directions, along, and across.
 
     """
-    k = _drag_rate(forces.linear)
+    k = forces.linear
     if holds[0] == NONE:
         return ZERO, ZERO, (k, k, k)
     w = subtract(v, material_velocity(courses, poses, here, holds[0] // FACES, t, x))

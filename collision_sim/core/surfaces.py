@@ -28,7 +28,7 @@ A surface is named by one number, FACES times the collider plus the face.
 from math import inf
 from typing import NamedTuple, Optional
 
-from collision_sim.core.courses import centre, material_velocity, spin_axis, spin_rate
+from collision_sim.core.courses import centre, material_velocity, move, spin_axis, spin_rate
 from collision_sim.core.faces import drawn_in, face_at, face_towards, FLUSH, leans
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.rules import Here
@@ -109,7 +109,7 @@ def _inner_gap(kind, size, face, q, radius):
 @inlined
 def body_frame(courses, table, poses, here, c, t, a):
     """Turn a world vector into the frame of a collider at time t [s]."""
-    if courses is not None:
+    if move(courses):
         spin = spin_rate(courses, here, c)
         if spin > 0.0:
             a = turned(spin_axis(courses, here, c), -spin * t, a)
@@ -120,7 +120,7 @@ def body_frame(courses, table, poses, here, c, t, a):
 def world_frame(courses, poses, here, c, t, a):
     """Turn a vector in the frame of a collider at time t [s] into the world frame."""
     a = rotate(poses, here.start, c, a)
-    if courses is not None:
+    if move(courses):
         spin = spin_rate(courses, here, c)
         if spin > 0.0:
             a = turned(spin_axis(courses, here, c), spin * t, a)

@@ -22,7 +22,7 @@ hold it there, else it slides with N (n - mu_k w/|w| - D w). Up to three surface
 their forces come from one linear system. A surface that would have to pull does not hold.
 """
 
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 from collision_sim.core.courses import (carried, frame_acceleration, material_velocity,
                                         spin_rate)
@@ -42,7 +42,7 @@ FLIES, RESTS, SLIDES, GLIDES = 0, 1, 2, 3       # the last: slides without frict
 
 class Forces(NamedTuple):
     """
-    Gravity [m/s^2], wind [m/s], linear [1/s] and quadratic drag [1/m], None where absent.
+    Gravity [m/s^2], wind [m/s], linear [1/s] and quadratic drag [1/m], 0 where absent.
 
     blink [s]: time whose acceleration makes no speed that counts; grip [-]: share of the friction
     of contact that acts, 0 where it jams.
@@ -50,8 +50,8 @@ class Forces(NamedTuple):
 
     gravity: tuple
     wind: tuple
-    linear: Optional[float]
-    quadratic: Optional[float]
+    linear: float
+    quadratic: float
     blink: float
     grip: float = 1.0
 
@@ -64,14 +64,14 @@ def smooth(forces):
 
 @inlined
 def _linear_drag(linear, u, a):
-    if linear is not None:
+    if linear > 0.0:
         return add_scaled(a, -linear, u)
     return a
 
 
 @inlined
 def _quadratic_drag(quadratic, u, a):
-    if quadratic is not None:
+    if quadratic > 0.0:
         return add_scaled(a, -quadratic * length(u), u)
     return a
 
