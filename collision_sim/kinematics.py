@@ -25,7 +25,7 @@ from math import isfinite
 from typing import NamedTuple, Union
 
 from collision_sim.checks import SceneError
-from collision_sim.core.broad_phase import in_grid, make_grid, no_grid
+from collision_sim.core.broad_phase import Cover, in_grid, no_grid
 from collision_sim.core.motion import fill_turns, MOTION, POSE, script_poses, START, TURN, TWIST
 from collision_sim.core.moves import (bring_to_unit_norm, CHORD, lay_out_move, MOVE, NONE,
                                       NORM_TOLERANCE, PAST)
@@ -99,9 +99,10 @@ class Kinematics:
             np.array([c.orientation for c in scene.colliders], dtype=np.float64).reshape(1, -1, 4)
         )[0]
         self._may_move = any(collider.moving for collider in scene.colliders)
-        self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
-        self._in_grid = in_grid(self._table)
-        self._many = not self._exact and len(self._in_grid) > 0
+        table = collider_table(scene)
+        which = in_grid(table)
+        self._many = not self._exact and len(which) > 0
+        self._cover = Cover(which, table, np.max(scene.particles.radius, initial=0))
         self.laid_out, self._compiled = 0, False
         self.reset()
 
@@ -119,8 +120,13 @@ class Kinematics:
     def _renew(self):
         """Note that poses have been laid out anew, and lay out the grid over them."""
         self.laid_out += 1
-        self.grid = make_grid(self._in_grid, self._table, self.poses, self.motion, self._reach) \
-            if self._many else no_grid(len(self._table))
+        self.grid = self._cover.lay_out(self.poses, self.motion, self._any_moved) \
+            if self._many else no_grid(len(self._indices))
+
+    @property
+    def _any_moved(self):
+        """Whether some collider is moved, or has been, since it was placed."""
+        return (self._still == 0.0).any()
 
     @property
     def now(self):
@@ -177,7 +183,7 @@ class Kinematics:
     def _lay_out(self, most, first, dt):
         """Lay out steps from now on; how many."""
         tracks, self._tracks = self._tracks, []
-        if not (tracks or self._exact or (self._still == 0.0).any()):
+        if not (tracks or self._exact or self._any_moved):
             most = max(most, AHEAD)
         steps = min([most, MANY_AHEAD if self._many else MOST_AHEAD,
                      *(len(track.rows) for track in tracks)])
@@ -197,7 +203,7 @@ class Kinematics:
         for track in tracks:
             self._follow(track, steps)
         fill_turns(self.poses, self.motion)
-        if new or self._many:
+        if new or self._many and not self._cover.holds(self.grid, self.poses, self.motion):
             self._renew()
         if self._exact:
             from collision_sim.core.courses import fill_courses     # takes a while
