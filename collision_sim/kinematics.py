@@ -203,7 +203,7 @@ class Kinematics:
         for track in tracks:
             self._follow(track, steps)
         fill_turns(self.poses, self.motion)
-        if new or self._many and not self._cover.holds(self.grid, self.poses, self.motion):
+        if new or self._many and not self._cover.holds(self.poses, self.motion):
             self._renew()
         if self._exact:
             from collision_sim.core.courses import fill_courses     # takes a while

@@ -270,11 +270,14 @@ class Cover:
         entries = _fill(self._lattice, which, lows, highs, starts, np.empty(0, dtype=np.int64))
         items = np.empty(2 * entries if spare else entries, dtype=np.int64)
         _fill(self._lattice, which, lows, highs, starts, items)
-        return Grid(tuple(low.tolist()), tuple(high.tolist()), tuple(self._lattice[2].tolist()),
-                    counts, starts, items, np.flatnonzero(others))
+        self._grid = Grid(tuple(low.tolist()), tuple(high.tolist()),
+                          tuple(self._lattice[2].tolist()), counts, starts, items,
+                          np.flatnonzero(others))
+        return self._grid
 
-    def holds(self, grid, poses, motion):
-        """Whether a grid of `lay_out` holds the colliders elsewhere, too; it does from now on."""
+    def holds(self, poses, motion):
+        """Whether the last grid could be filled again, with the colliders where they are now."""
+        starts, items = self._grid.starts, self._grid.items
         _bounds(self._which, self._table, poses, motion, self._reach, self._lows, self._highs)
-        return 0 <= _fill(self._lattice, self._which, self._lows, self._highs, grid.starts,
-                          grid.items) <= len(grid.items)
+        entries = _fill(self._lattice, self._which, self._lows, self._highs, starts, items)
+        return 0 <= entries <= len(items)
