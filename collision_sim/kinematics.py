@@ -21,50 +21,44 @@ ready.
 """
 
 from copy import deepcopy
-from typing import NamedTuple, Optional
+from math import isfinite
+from typing import NamedTuple, Union
 
 from collision_sim.checks import SceneError
-from collision_sim.core.broad_phase import in_grid, make_grid, no_grid
-from collision_sim.core.motion import (chord_twists, DOUBT, END, end_twists, fill_turns, MOTION,
-                                       script_poses, START, TURN, TWIST)
-from collision_sim.core.rotation import quaternion
-from collision_sim.core.vectors import EPSILON
+from collision_sim.core.broad_phase import Cover, in_grid, no_grid
+from collision_sim.core.motion import fill_turns, MOTION, POSE, script_poses, START, TURN, TWIST
+from collision_sim.core.moves import (bring_to_unit_norm, CHORD, lay_out_move, MOVE, NONE,
+                                      NORM_TOLERANCE, PAST)
+from collision_sim.core.rotation import quaternions
 from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
 
 MOST_AHEAD, AHEAD = 1024, 128   # steps that are laid out at once: most, and where they are scripts
 MANY_AHEAD = 32                 # and most with a grid, which holds the colliders at all of them
-NORM_TOLERANCE = 1e-3           # how far from 1 the norm of an orientation may be
+NO_TWISTS, NO_PLACE = np.empty((0, 0, TWIST)), np.empty((0, 4))
 
 
-class Tracks(NamedTuple):
+class Track(NamedTuple):
     """
-    Poses (S, K, 12) of colliders at the ends of the next S steps; twists at both ends (S, K, 6).
+    Steps to come of K colliders that are moved.
 
-    which (K,): the colliders; chords and their changes (S, K, 6) where the twists are estimated
-    from the poses, None where they were given.
+    which: indices of the colliders; columns: the same, as tables are indexed; rows (S, K, MOVE):
+    of core.moves.
     """
 
-    which: np.ndarray
-    poses: np.ndarray
-    starts: np.ndarray
-    ends: np.ndarray
-    chords: Optional[np.ndarray]
-    changes: Optional[np.ndarray]
-
-    def part(self, which, columns=slice(None), steps=slice(None)):
-        """Give those of some colliders, or some of the steps."""
-        return Tracks(which, *(None if table is None else table[steps, columns]
-                               for table in self[1:]))
+    which: list
+    columns: Union[slice, list]
+    rows: np.ndarray
 
     def after(self, steps):
         """Give the steps that come later."""
-        return self.part(self.which, steps=slice(steps, None))
+        return self._replace(rows=self.rows[steps:])
 
     def without(self, which):
-        """Give those of the other colliders."""
-        others = np.isin(self.which, which, invert=True)
-        return self.part(self.which[others], others)
+        """Give that of the other colliders."""
+        others = [n for n, k in enumerate(self.which) if k not in which]
+        left = [self.which[n] for n in others]
+        return Track(left, _columns(left), self.rows[:, others])
 
 
 class Kinematics:
@@ -105,9 +99,10 @@ class Kinematics:
             np.array([c.orientation for c in scene.colliders], dtype=np.float64).reshape(1, -1, 4)
         )[0]
         self._may_move = any(collider.moving for collider in scene.colliders)
-        self._table, self._reach = collider_table(scene), np.max(scene.particles.radius, initial=0)
-        self._in_grid = in_grid(self._table)
-        self._many = not self._exact and len(self._in_grid) > 0
+        table = collider_table(scene)
+        which = in_grid(table)
+        self._many = not self._exact and len(which) > 0
+        self._cover = Cover(which, table, np.max(scene.particles.radius, initial=0))
         self.laid_out, self._compiled = 0, False
         self.reset()
 
@@ -116,18 +111,22 @@ class Kinematics:
         self.poses, self.row = self._base[None].copy(), 0
         count = len(self._indices)
         self.motion, self.courses = np.zeros((1, count, MOTION)), np.empty((0, count, 0))
-        self._tracks = []                           # Tracks of the steps to come, by `move`
-        self._moved = np.zeros(count, dtype=bool)   # by `move`, at any time
-        self._chords = np.full((2, count, TWIST), np.nan)   # of the last steps; NaN: none
-        self._given = np.full((count, TWIST), np.nan)       # twists that the last steps ended with
+        self._tracks = []                               # of the steps to come, by `move`
+        self._past = np.full((PAST, count, MOVE), np.nan)   # the rows before them; NaN: not moved
+        self._still = np.full((count, MOVE), np.nan)    # row of a step without a move
         self._moves = self._may_move
         self._renew()
 
     def _renew(self):
         """Note that poses have been laid out anew, and lay out the grid over them."""
         self.laid_out += 1
-        self.grid = make_grid(self._in_grid, self._table, self.poses, self.motion, self._reach) \
-            if self._many else no_grid(len(self._table))
+        self.grid = self._cover.lay_out(self.poses, self.motion, self._any_moved) \
+            if self._many else no_grid(len(self._indices))
+
+    @property
+    def _any_moved(self):
+        """Whether some collider is moved, or has been, since it was placed."""
+        return (self._still == 0.0).any()
 
     @property
     def now(self):
@@ -136,11 +135,14 @@ class Kinematics:
 
     def pose(self, name):
         """Position (3,) [m] and orientation (4,) of a collider now."""
-        return self._pose(self.index(name))
+        k = self.index(name)
+        return self.poses[self.row, k, 9:].copy(), self._orientations(slice(k, k + 1))[0]
 
-    def _pose(self, k):
-        row = self.poses[self.row, k]
-        return row[9:].copy(), quaternion(row[:9].reshape(3, 3) @ self._frames[k].T)
+    def _orientations(self, columns):
+        """Orientations (K, 4) of some colliders now."""
+        frames = self._frames[columns]
+        matrices = self.poses[self.row, columns, :9].reshape(frames.shape)
+        return quaternions(matrices @ frames.swapaxes(1, 2))
 
     # ------------------------------------------------------------------ time
 
@@ -181,26 +183,27 @@ class Kinematics:
     def _lay_out(self, most, first, dt):
         """Lay out steps from now on; how many."""
         tracks, self._tracks = self._tracks, []
-        if not (tracks or self._moved.any() or self._exact):
+        if not (tracks or self._exact or self._any_moved):
             most = max(most, AHEAD)
         steps = min([most, MANY_AHEAD if self._many else MOST_AHEAD,
-                     *(len(some.poses) for some in tracks)])
-        now, self.row = self.now.copy(), 0
+                     *(len(track.rows) for track in tracks)])
+        now, self.row = self.poses[self.row], 0
         new = len(self.poses) != steps + 1 or len(self.motion) != steps
         if new:
-            self.poses = np.empty((steps + 1, *now.shape[1:]))
-            self.motion = np.empty((steps, now.shape[1], MOTION))
-        self.poses[:] = now
+            self.poses = np.empty((steps + 1, *now.shape))
+            self.motion = np.empty((steps, len(now), MOTION))
+        self.poses[0] = now
+        self.poses[1:] = self.poses[0]
         self.motion[:] = 0.0
-        script_poses(self._scripted, self._base, self._scripts, first, dt, self.poses, self.motion,
-                     np.empty(TWIST))
-        resting = self._moved.copy()
-        for some in tracks:
-            self._follow(some, steps)
-            resting[some.which] = False
-        self._remember(resting, np.zeros((min(steps, 2), resting.sum(), TWIST)))
+        if len(self._scripted):
+            script_poses(self._scripted, self._base, self._scripts, first, dt, self.poses,
+                         self.motion, np.empty(TWIST))
+        self._past[0] = self._past[1] if steps == 1 else self._still
+        self._past[1] = self._still
+        for track in tracks:
+            self._follow(track, steps)
         fill_turns(self.poses, self.motion)
-        if new or self._many:
+        if new or self._many and not self._cover.holds(self.poses, self.motion):
             self._renew()
         if self._exact:
             from collision_sim.core.courses import fill_courses     # takes a while
@@ -208,73 +211,54 @@ class Kinematics:
                                         first, dt)
         return steps
 
-    def _follow(self, tracks, steps):
+    def _follow(self, track, steps):
         """Lay out the steps of colliders that are moved, and keep those that come later."""
-        which, chords = tracks.which, tracks.chords
-        self.poses[1:, which] = tracks.poses[:steps]
-        self.motion[:, which, START:END] = tracks.starts[:steps]
-        self.motion[:, which, END:DOUBT] = tracks.ends[:steps]
-        if chords is not None:
-            self.motion[:, which, DOUBT:TURN] = tracks.changes[:steps]
-        if len(tracks.poses) > steps:
-            self._tracks.append(tracks.after(steps))
-        self._moved[which] = True
-        if chords is None:
-            self._given[which], self._chords[:, which] = tracks.ends[steps - 1], np.nan
-        else:
-            self._remember(which, chords[:steps])
-
-    def _remember(self, which, chords):
-        """Keep what the twists of the next move are estimated from: the last chords."""
-        self._chords[:, which] = np.concatenate([self._chords[:, which], chords])[-2:]
-        self._given[which] = np.nan
+        columns, rows, last = track.columns, track.rows[:steps], min(steps, PAST)
+        self.poses[1:, columns] = rows[:, :, :POSE]
+        self.motion[:, columns, START:TURN] = rows[:, :, POSE:CHORD]
+        self._past[-last:, columns] = rows[-last:]
+        self._still[columns] = 0.0
+        if len(track.rows) > steps:
+            self._tracks.append(track.after(steps))
 
     # ------------------------------------------------------------------ changes from outside
 
     def move(self, names, positions, orientations, twists, dt):
         """Move colliders over the next steps, as Simulation.move_colliders."""
-        which = np.array([self._movable(name, 'move_collider') for name in names], dtype=np.int64)
-        if not len(which):
+        which = [self._movable(name, 'move_collider') for name in names]
+        if not which:
             return
-        if len(set(names)) < len(names):
+        if len(set(which)) < len(which):
             raise SceneError('colliders', list(names), 'must be given once each')
         p = _tables('position', names, positions, 3)
-        q = _units(names, _tables('orientation', names, orientations, 4, p.shape[1]))
-        poses = pose_rows(self._frames[which], p.swapaxes(0, 1), q.swapaxes(0, 1))
-        rests = _keep_where_at_rest(self.now[0, which], poses)
-        if twists is None:
-            chords = np.stack([self._chords_to(k, p[i], q[i], dt or 1.0)
-                               for i, k in enumerate(which)], axis=1)
-            chords[rests] = 0.0
-            starts, ends, changes = end_twists(chords, self._chords[:, which])
-        else:
-            ends = _tables('twist', names, twists, TWIST, p.shape[1]).swapaxes(0, 1)
-            before, chords, changes = self._given[which], None, None
-            starts = np.concatenate([np.where(np.isnan(before), ends[0], before)[None], ends[:-1]])
+        q = _units(names, _tables('orientation', names, orientations, 4, len(p)))
+        v = NO_TWISTS if twists is None else _tables('twist', names, twists, TWIST, len(p))
+        columns = _columns(which)
+        start = self._orientations(columns) if twists is None else NO_PLACE
+        rows = np.empty((PAST + len(p), len(which), MOVE))
+        rows[:PAST] = self._past[:, columns]
+        rows[PAST - 1, :, :POSE] = self.poses[self.row, columns]
+        lay_out_move(rows, self._frames[columns], start, p, q, v, dt or 1.0)
         self._drop_tracks(which)
-        self._tracks.append(Tracks(which, poses, starts, ends, chords, changes))
+        self._tracks.append(Track(which, columns, rows[PAST:]))
         self._moves = True
-
-    def _chords_to(self, k, positions, orientations, dt):
-        """Twists (S, 6) that lead a collider from where it is now to each of the next poses."""
-        p, q = self._pose(k)
-        return chord_twists(np.vstack([p, positions]), np.vstack([q, orientations]), dt)
 
     def _drop_tracks(self, which):
         """Forget the steps to come of some colliders."""
-        rest = [tracks.without(which) for tracks in self._tracks]
-        self._tracks = [tracks for tracks in rest if len(tracks.which)]
+        which = set(which)
+        self._tracks = [track if which.isdisjoint(track.which) else track.without(which)
+                        for track in self._tracks if not which.issuperset(track.which)]
 
     def place(self, name, position, orientation):
         """Teleport a collider, as Simulation.place_collider."""
         k = self._movable(name, 'place_collider')
-        p = _rows(f'colliders.{name}.position', position, 3, 1)
-        q = _units([name], _rows(f'colliders.{name}.orientation', orientation, 4, 1)[None])
+        p = _tables('position', [name], [position], 3, 1)
+        q = _units([name], _tables('orientation', [name], [orientation], 4, 1))
         self.poses, self.row = self.now.copy(), 0
-        self.poses[0, k] = pose_rows(self._frames[[k]], p[None], q)[0, 0]
+        self.poses[0, k] = pose_rows(self._frames[[k]], p, q)[0, 0]
         self._renew()
         self._drop_tracks([k])
-        self._moved[k], self._chords[:, k], self._given[k] = False, np.nan, np.nan
+        self._past[:, k] = self._still[k] = np.nan
 
     def _movable(self, name, call):
         """Index of a collider without a script."""
@@ -291,25 +275,10 @@ class Kinematics:
         return self._indices[name]
 
 
-def _keep_where_at_rest(now, poses):
-    """
-    Let colliders keep their pose now (K, 12) where poses (S, K, 12) differ by rounding only.
-
-    An orientation that was read and is given back has been a matrix meanwhile.
-
-    Returns
-    -------
-    rests : (S, K) bool
-        Where that is so.
-
-    """
-    rests = np.empty(poses.shape[:2], dtype=bool)
-    for s, later in enumerate(poses):
-        rests[s] = (later[:, 9:] == now[:, 9:]).all(axis=1) & (
-            np.abs(later[:, :9] - now[:, :9]).max(axis=1) <= 4.0 * EPSILON)
-        later[rests[s]] = now[rests[s]]
-        now = later
-    return rests
+def _columns(which):
+    """Return indices as a slice where they follow each other, which NumPy is faster with."""
+    first, end = which[0], which[0] + len(which)
+    return slice(first, end) if which == list(range(first, end)) else which
 
 
 def _rows(key, value, columns, count=None):
@@ -317,7 +286,7 @@ def _rows(key, value, columns, count=None):
     try:
         rows = np.array(value, dtype=np.float64)
         rows = rows if rows.ndim > 1 else rows.reshape(1, -1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         rows = np.empty((0, 0))
     if rows.ndim != 2 or rows.shape[1] != columns or len(rows) not in (count or len(rows), ) \
             or not len(rows) or not np.isfinite(rows).all():
@@ -327,27 +296,36 @@ def _rows(key, value, columns, count=None):
 
 
 def _tables(what, names, values, columns, count=None):
-    """Values of several colliders as finite rows of numbers, (K, S, columns); S may be given."""
-    if isinstance(values, np.ndarray) and values.ndim == 3 and values.size \
-            and values.shape == (len(names), count or values.shape[1], columns) \
-            and np.isfinite(values).all():
-        return np.array(values, dtype=np.float64)
+    """Values of several colliders as finite rows of numbers, (S, K, columns); S may be given."""
+    try:
+        table = np.array(values, dtype=np.float64, order='C')
+    except (TypeError, ValueError, OverflowError):
+        table = NO_TWISTS       # not all of one length, or not numbers
+    if table.ndim == 3:
+        table = np.ascontiguousarray(table.swapaxes(0, 1))
+    elif table.ndim == 2:
+        table = table[None]
+    if table.shape == (count or len(table), len(names), columns) and _is_finite(table):
+        return table
     if len(values) != len(names):
         raise SceneError('colliders', list(names), f'must have a {what} each, not {len(values)}')
     rows = []
     for name, value in zip(names, values):
         rows.append(_rows(f'colliders.{name}.{what}', value, columns, count))
         count = len(rows[0])
-    return np.stack(rows)
+    return np.ascontiguousarray(np.stack(rows, axis=1))
 
 
-def _units(names, quaternions):
-    """Bring the quaternions of several colliders, (K, S, 4), to unit norm."""
-    rows = quaternions.reshape(-1, 4)
-    norms = np.sqrt(np.einsum('ij,ij->i', rows, rows)).reshape(*quaternions.shape[:2], 1)
-    wrong = ~(np.abs(norms - 1.0) <= NORM_TOLERANCE).all(axis=(1, 2))
-    if wrong.any():
-        k = wrong.argmax()
-        raise SceneError(f'colliders.{names[k]}.orientation', quaternions[k],
+def _is_finite(table):
+    """Whether there are numbers in a table, and all are finite."""
+    line = table.ravel()
+    return len(line) > 0 and (isfinite(line.dot(line)) or np.isfinite(line).all())
+
+
+def _units(names, orientations):
+    """Bring the quaternions of several colliders, (S, K, 4), to unit norm."""
+    wrong = bring_to_unit_norm(orientations)
+    if wrong != NONE:
+        raise SceneError(f'colliders.{names[wrong]}.orientation', orientations[:, wrong],
                          f'must have norm 1 within {NORM_TOLERANCE}')
-    return np.where(norms == 1.0, quaternions, quaternions / norms)
+    return orientations

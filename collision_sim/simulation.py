@@ -556,8 +556,11 @@ class Simulation:
             As `move_collider`; none has moved then.
 
         """
-        with held():
+        hold()
+        try:
             self._colliders.move(names, positions, orientations, twists, self.dt)
+        finally:
+            release()
 
     def place_collider(self, name, position, orientation):
         """

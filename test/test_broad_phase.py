@@ -72,6 +72,50 @@ def test_same_bits_as_without_grid(monkeypatch, moving, radius, detection):
 
 
 @pytest.mark.jit
+@pytest.mark.parametrize('moved', [1, 12])
+def test_same_bits_where_colliders_are_moved(monkeypatch, moved):
+    """Those that stay within the grid leave it as it was laid out, those that leave it do not."""
+    grid, plain = simulations(monkeypatch, 40, 0, 0.05)
+    names = [collider.name for collider in grid.scene.colliders[1:1 + moved]]
+    random, laid_out = np.random.default_rng(3), []
+    places = np.array([grid.collider_pose(name)[0] for name in names])
+    turns = [grid.collider_pose(name)[1] for name in names]
+    for step in range(60):
+        places = places + random.uniform(-0.01, 0.01, places.shape)
+        places[0] += 9.0 * (step == 30)
+        for sim in (grid, plain):
+            sim.move_colliders(names, places, turns)
+            sim.step()
+        assert_array_equal(grid.position, plain.position)
+        assert_array_equal(grid.velocity, plain.velocity)
+        assert grid.counters == plain.counters
+        laid_out.append(grid._colliders.laid_out)
+    assert grid.counters['collisions'] > 50
+    assert len(set(laid_out[:30])) == 1 < len(set(laid_out))
+
+
+def test_a_grid_holds_colliders_as_long_as_they_stay_within():
+    """And as long as there is room for all entries; cells list who is there now."""
+    colliders = simulate(crowd(40, 0), np.zeros((1, 3)))._colliders
+    cover, start, motion = colliders._cover, colliders.poses, colliders.motion
+    c = 1 + np.linalg.norm(start[0, 1:, 9:] - (0.0, 0.0, 1.7), axis=1).argmin()
+    beside, beyond = start.copy(), start.copy()
+    beside[:, c, 9:] += 0.3
+    beyond[:, c, 9:] += 9.0
+    grid = cover.lay_out(start, motion, spare=True)
+    starts, items = grid.starts.copy(), grid.items[:grid.starts[-1]].copy()
+    assert cover.holds(beside, motion)
+    assert (grid.starts != starts).any()
+    assert cover.holds(start, motion)
+    assert_array_equal(grid.starts, starts)
+    assert_array_equal(grid.items[:starts[-1]], items)
+    assert not cover.holds(beyond, motion)
+    assert cover.holds(start, motion)
+    cover._grid = grid._replace(items=grid.items[:starts[-1] - 1])
+    assert not cover.holds(start, motion)
+
+
+@pytest.mark.jit
 @pytest.mark.parametrize('count', [12, 60])
 def test_same_bits_for_many_that_a_belt_moves(monkeypatch, count):
     """Those on a plane are answered together, but not who may be pressed into something."""

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 
-NAN = np.full((2, 6), np.nan)
 BASE = np.array((*rotation_matrix((0.5, 0.5, 0.5, 0.5)).ravel(), 1.0, 2.0, 3.0))
 
 
@@ -145,57 +144,3 @@ def test_velocity_of_a_material_point():
     assert velocity(motion, poses, core.END, point) == (0.0, -1.0, 0.0)
     assert velocity(None, poses, core.START, point) == (0.0, 0.0, 0.0)
     assert chord(None, poses, point, 0.1) == (0.0, 0.0, 0.0)
-
-
-def test_chord_twists():
-    """The constant twist from each pose to the next, the shortest way round."""
-    positions = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 3.0, 0.0)])
-    turns = np.array([(0.0, 0.0, sin(a / 2), cos(a / 2)) for a in (0.0, 1.0, 2.5)])
-    turns[1] *= -1.0                                            # the same orientation
-    twists = core.chord_twists(positions, turns, 0.5)
-    assert_allclose(twists, [(2, 0, 0, 0, 0, 2), (0, 6, 0, 0, 0, 3)], atol=1e-15)
-
-
-def chords(values):
-    """Chords of a motion along x only."""
-    found = np.zeros((len(values), 6))
-    found[:, 0] = values
-    return found
-
-
-def test_end_twists_of_a_constant_acceleration_are_exact():
-    """V = a t: chords (k + 1/2) a dt, twists k a dt and (k + 1) a dt, with a history of two."""
-    start, end, _ = core.end_twists(chords([2.5, 3.5, 4.5]), chords([0.5, 1.5]))
-    assert_array_equal(start[:, 0], (2.0, 3.0, 4.0))
-    assert_array_equal(end[:, 0], (3.0, 4.0, 5.0))
-
-
-@pytest.mark.parametrize(('values', 'before', 'half'), [
-    ([1.0], [np.nan, np.nan], [0.0]),               # nothing before: the chord
-    ([1.0, 1.0], [np.nan, np.nan], [0.0, 0.0]),
-    ([1.0, 2.0], [np.nan, np.nan], [0.0, 0.0]),
-    ([1.0, 2.0, 4.0], [np.nan, np.nan], [0.0, 0.0, 0.5]),   # the smaller one of two changes
-    ([1.0], [0.0, 0.0], [0.0]),                     # it starts at once
-    ([0.0], [1.0, 1.0], [0.0]),                     # it stops at once
-    ([2.0], [1.0, 3.0], [0.0]),                     # it turns round
-    ([-4.0], [-1.0, -2.0], [-0.5]),
-])
-def test_end_twists_take_the_smaller_change(values, before, half):
-    """Minmod: half of the smaller change where two agree in sign, else the chord itself."""
-    history = np.where(np.isnan(before), np.nan, 1.0)[:, None] * chords(np.nan_to_num(before))
-    start, end, _ = core.end_twists(chords(values), history)
-    assert_array_equal(end[:, 0] - chords(values)[:, 0], half)
-    assert_array_equal(chords(values)[:, 0] - start[:, 0], half)
-    assert_array_equal(start[:, 1:], 0.0)
-
-
-def test_end_twists_are_of_second_order():
-    """On a smooth motion, away from its turning points."""
-    errors = []
-    for dt in (0.02, 0.01):
-        times = np.arange(-2.0, 30.0) * dt
-        places = np.sin(times + 0.3)
-        found = chords(np.diff(places) / dt)
-        _, end, _ = core.end_twists(found[2:], found[:2])
-        errors.append(np.abs(end[:9, 0] - np.cos(times[3:12] + 0.3)).max())
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)

@@ -44,7 +44,7 @@ def test_matrix_and_quaternion():
         matrix = rotation.rotation_matrix(q)
         assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-15)
         assert np.linalg.det(matrix) == pytest.approx(1.0)
-        back = rotation.quaternion(matrix)
+        back = rotation.quaternions(matrix[None])[0]
         assert_allclose(back * np.sign(back @ q), q, atol=1e-15)
 
 
@@ -52,7 +52,7 @@ def test_matrix_and_quaternion():
                                (0.6, 0.8, 0, 0), (0, -0.6, 0.8, 0), (0.5, 0.5, 0.5, 0.5)])
 def test_quaternion_of_half_turns(q):
     """No component that vanishes is divided by."""
-    back = rotation.quaternion(rotation.rotation_matrix(np.array(q, dtype=float)))
+    back = rotation.quaternions(rotation.rotation_matrix(np.array([q], dtype=float)))[0]
     assert_allclose(back * np.sign(back @ q), q, atol=1e-15)
 
 

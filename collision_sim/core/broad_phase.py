@@ -34,6 +34,7 @@ import numpy as np
 MANY = 8                        # colliders; for fewer a grid brings nothing
 CELLS = 16                      # cells for each collider in the grid, about
 MOST_CELLS = 1 << 16
+NO_GRID = -1
 BOUNDED = (SPHERE, BOX, CAPSULE, CYLINDER)
 
 
@@ -161,33 +162,69 @@ def cell_along(low, per_metre, count, x):
     return int(k) if 0.0 < k < count - 1.0 else (0 if k < 1.0 else count - 1)
 
 
+@kernel
+def _cells_along(lattice, lows, highs, c, i):
+    """First and last cell along an axis that the box of a collider reaches into."""
+    low, per_metre, count = lattice[0, i], lattice[2, i], int(lattice[3, i])
+    return cell_along(low, per_metre, count, lows[c, i]), cell_along(low, per_metre, count,
+                                                                     highs[c, i])
+
+
 @formula
-def _fill(grid, lows, highs, which, fills):
-    """Count the entries of each cell in grid.starts, or with `fills` write them to grid.items."""
-    nx, ny = grid.counts[0], grid.counts[1]
-    for m in range(which.shape[0]):
-        c = which[m]
-        first, last = (0, 0, 0), (0, 0, 0)
-        first = (cell_along(grid.low[0], grid.per_metre[0], nx, lows[c, 0]),
-                 cell_along(grid.low[1], grid.per_metre[1], ny, lows[c, 1]),
-                 cell_along(grid.low[2], grid.per_metre[2], grid.counts[2], lows[c, 2]))
-        last = (cell_along(grid.low[0], grid.per_metre[0], nx, highs[c, 0]),
-                cell_along(grid.low[1], grid.per_metre[1], ny, highs[c, 1]),
-                cell_along(grid.low[2], grid.per_metre[2], grid.counts[2], highs[c, 2]))
-        for z in range(first[2], last[2] + 1):
-            for y in range(first[1], last[1] + 1):
-                for x in range(first[0], last[0] + 1):
-                    cell = x + nx * (y + ny * z)
-                    if fills:
-                        grid.items[grid.starts[cell]] = c
-                        grid.starts[cell] += 1
-                    else:
-                        grid.starts[cell + 1] += 1
-
-
-def make_grid(which, table, poses, motion, reach):
+def _fill(lattice, which, lows, highs, starts, items):
     """
-    Lay out a grid over the colliders of a scene.
+    List in each cell of a grid the colliders whose boxes reach into it.
+
+    Parameters
+    ----------
+    lattice : (4, 3) float64
+        Corners [m], cells per length [1/m] and numbers of cells.
+    which, lows, highs
+        As of `_bounds`.
+    starts, items
+        As of Grid, overwritten; items only where there is room for all entries.
+
+    Returns
+    -------
+    entries : int
+        How many there are; NO_GRID, and nothing is listed, where a box is not within the corners.
+
+    """
+    starts[:] = 0
+    nx, ny = int(lattice[3, 0]), int(lattice[3, 1])
+    for fills in range(2):
+        for m in range(which.shape[0]):
+            c = which[m]
+            for i in range(3):
+                if not (lattice[0, i] <= lows[c, i] and highs[c, i] <= lattice[1, i]):
+                    return NO_GRID
+            fx, lx = _cells_along(lattice, lows, highs, c, 0)
+            fy, ly = _cells_along(lattice, lows, highs, c, 1)
+            fz, lz = _cells_along(lattice, lows, highs, c, 2)
+            for z in range(fz, lz + 1):
+                for y in range(fy, ly + 1):
+                    for x in range(fx, lx + 1):
+                        cell = x + nx * (y + ny * z)
+                        if fills:
+                            items[starts[cell]] = c
+                            starts[cell] += 1
+                        else:
+                            starts[cell + 1] += 1
+        if fills:
+            for cell in range(starts.shape[0] - 1, 0, -1):
+                starts[cell] = starts[cell - 1]
+            starts[0] = 0
+        else:
+            for cell in range(1, starts.shape[0]):
+                starts[cell] += starts[cell - 1]
+            if starts[-1] > items.shape[0]:
+                return starts[-1]
+    return starts[-1]
+
+
+class Cover:
+    """
+    The grid over the colliders of a scene, which is kept as long as they stay within it.
 
     Parameters
     ----------
@@ -195,33 +232,52 @@ def make_grid(which, table, poses, motion, reach):
         Colliders that belong into it, of `in_grid`; at least one.
     table : (C, shapes.COLUMNS) float64
         The colliders.
-    poses : (S + 1, C, 12) float64
-        Of all steps that the grid is for.
-    motion : (S, C, motion.MOTION) float64
-        How the colliders move; without rows where none does.
     reach : float [m]
         Largest radius of a particle.
 
-    Returns
-    -------
-    Grid
-
     """
-    lows, highs = np.empty((len(table), 3)), np.empty((len(table), 3))
-    _bounds(which, table, poses, motion, reach, lows, highs)
-    low, high = lows[which].min(axis=0), highs[which].max(axis=0)
-    extent = np.maximum(high - low, 1e-9 * np.max(high - low))
-    edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
-    most = int(np.cbrt(MOST_CELLS))
-    counts = tuple(min(max(ceil(cells), 1), most) for cells in (extent / edge).tolist())
-    starts, others = np.zeros(prod(counts) + 1, dtype=np.int64), np.ones(len(table), dtype=bool)
-    others[which] = False
-    grid = Grid(tuple(low.tolist()), tuple(high.tolist()), tuple((counts / extent).tolist()),
-                counts, starts, np.empty(0, dtype=np.int64), np.flatnonzero(others))
-    _fill(grid, lows, highs, which, False)
-    np.cumsum(starts, out=starts)
-    grid = grid._replace(items=np.empty(starts[-1], dtype=np.int64))
-    _fill(grid, lows, highs, which, True)
-    starts[1:] = starts[:-1]
-    starts[0] = 0
-    return grid
+
+    def __init__(self, which, table, reach):
+        self._which, self._table, self._reach = which, table, reach
+        self._lows, self._highs = np.empty((len(table), 3)), np.empty((len(table), 3))
+
+    def lay_out(self, poses, motion, spare):
+        """
+        Return a new Grid over the colliders.
+
+        Parameters
+        ----------
+        poses : (S + 1, C, 12) float64
+            Of all steps that the grid is for.
+        motion : (S, C, motion.MOTION) float64
+            How the colliders move.
+        spare : bool
+            Whether to leave room for them to move: a cell at each side, and twice the entries.
+
+        """
+        which, lows, highs = self._which, self._lows, self._highs
+        _bounds(which, self._table, poses, motion, self._reach, lows, highs)
+        low, high = lows[which].min(axis=0), highs[which].max(axis=0)
+        extent = np.maximum(high - low, 1e-9 * np.max(high - low))
+        edge = np.cbrt(np.prod(extent / extent.max()) / (CELLS * len(which))) * extent.max()
+        if spare:
+            low, high, extent = low - edge, high + edge, extent + 2.0 * edge
+        most = int(np.cbrt(MOST_CELLS))
+        counts = tuple(min(max(ceil(cells), 1), most) for cells in (extent / edge).tolist())
+        starts, others = np.zeros(prod(counts) + 1, dtype=np.int64), np.ones(len(lows), dtype=bool)
+        others[which] = False
+        self._lattice = np.array([low, high, counts / extent, counts])
+        entries = _fill(self._lattice, which, lows, highs, starts, np.empty(0, dtype=np.int64))
+        items = np.empty(2 * entries if spare else entries, dtype=np.int64)
+        _fill(self._lattice, which, lows, highs, starts, items)
+        self._grid = Grid(tuple(low.tolist()), tuple(high.tolist()),
+                          tuple(self._lattice[2].tolist()), counts, starts, items,
+                          np.flatnonzero(others))
+        return self._grid
+
+    def holds(self, poses, motion):
+        """Whether the last grid could be filled again, with the colliders where they are now."""
+        starts, items = self._grid.starts, self._grid.items
+        _bounds(self._which, self._table, poses, motion, self._reach, self._lows, self._highs)
+        entries = _fill(self._lattice, self._which, self._lows, self._highs, starts, items)
+        return 0 <= entries <= len(items)

@@ -23,7 +23,6 @@ the script or the pose stream where these know them, else from the chords betwee
 from math import atan2, cos, pi, sin, sqrt
 
 from collision_sim.core.jit import formula, kernel
-from collision_sim.core.rotation import turn_between
 from collision_sim.core.vectors import add, cross, dot, origin, subtract
 import numpy as np
 
@@ -194,56 +193,6 @@ def subdivide(poses, motion, parts):
     _fill_parts(poses, motion, finer, changes)
     fill_turns(finer, changes)
     return finer, changes
-
-
-def chord_twists(positions, orientations, dt):
-    """
-    Constant twists that lead from each pose to the next.
-
-    Parameters
-    ----------
-    positions, orientations : (S + 1, 3), (S + 1, 4) float64 [m], [-]
-        Unit quaternions x, y, z, w.
-    dt : float [s]
-        Time between them.
-
-    Returns
-    -------
-    twists : (S, 6) float64
-        Linear [m/s] and angular velocity [rad/s], the shortest way.
-
-    """
-    turns = [turn_between(a, b) for a, b in zip(orientations[:-1], orientations[1:])]
-    return np.concatenate([np.diff(positions, axis=0), turns], axis=1) / dt
-
-
-def end_twists(chords, before):
-    """
-    Twists at both ends of each step, estimated from chords.
-
-    Half the change of the chord is added where two successive changes agree in sign, the smaller
-    of the two (minmod): second order where the motion is smooth, and the chord itself, which gives
-    the right impulse, where the collider starts or stops at once.
-
-    Parameters
-    ----------
-    chords : (S, 6) float64
-        Twist of each step.
-    before : (2, 6) float64
-        Chords of the two steps before; NaN where there was none.
-
-    Returns
-    -------
-    start, end : (S, 6) float64
-    changes : (S, 6) float64
-        Of the chord since the step before, at first from rest: the estimates are off by less.
-
-    """
-    changes = np.diff(np.concatenate([before, chords]), axis=0)
-    new, old = changes[1:], changes[:-1]
-    smaller = np.where(np.abs(new) < np.abs(old), new, old)
-    half = np.where(new * old > 0.0, 0.5 * smaller, 0.0)
-    return chords - half, chords + half, np.where(np.isnan(new), chords, new)
 
 
 @kernel

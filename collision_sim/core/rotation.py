@@ -20,6 +20,8 @@ and angular velocities are in the world frame. Columns are the elements, so that
 vectors, except where (n, 4) is said.
 """
 
+from math import sqrt
+
 from collision_sim.core.jit import law
 import numpy as np
 
@@ -153,30 +155,45 @@ def rotated_frames(q, frames):
     return rows
 
 
-def quaternion(matrix):
+@law
+def _from_largest(matrices):
+    """Quaternions (K, 4) of matrices (K, 3, 3), from their largest components; of any norm."""
+    q = np.empty((matrices.shape[0], 4))
+    for n in range(matrices.shape[0]):
+        m, largest = matrices[n], 0
+        trace = m[0, 0] + m[1, 1] + m[2, 2]
+        for k in range(3):
+            q[n, k] = 2.0 * m[k, k] - trace + 1.0
+        q[n, 3] = trace + 1.0
+        for k in range(1, 4):
+            if q[n, k] > q[n, largest]:
+                largest = k
+        i, j, k = (largest + 1) % 3, (largest + 2) % 3, largest
+        if k == 3:
+            q[n, 0], q[n, 1] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0]
+            q[n, 2] = m[1, 0] - m[0, 1]
+        else:
+            q[n, 3] = m[j, i] - m[i, j]
+            q[n, i], q[n, j] = m[i, k] + m[k, i], m[j, k] + m[k, j]
+    return q
+
+
+def quaternions(matrices):
     """
-    Convert a rotation matrix to a unit quaternion, from its largest component.
+    Convert rotation matrices to unit quaternions, from their largest components.
 
     Parameters
     ----------
-    matrix : (3, 3) float64 [-]
-        Orthogonal.
+    matrices : (K, 3, 3) float64 [-]
+        Orthogonal, C-contiguous.
 
     Returns
     -------
-    q : (4,) float64 [-]
+    q : (K, 4) float64 [-]
         x, y, z, w.
 
     """
-    m = np.asarray(matrix)
-    trace = m[0, 0] + m[1, 1] + m[2, 2]
-    squares = [2.0 * m[i, i] - trace + 1.0 for i in range(3)] + [trace + 1.0]
-    k = int(np.argmax(squares))
-    if k == 3:
-        q = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]])
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        q = np.empty(4)
-        q[k], q[3] = squares[k], m[j, i] - m[i, j]
-        q[i], q[j] = m[i, k] + m[k, i], m[j, k] + m[k, j]
-    return q / np.linalg.norm(q)
+    q = _from_largest(matrices)
+    for row in q:
+        row /= sqrt(row.dot(row))
+    return q

@@ -30,6 +30,7 @@ import time
 
 from collision_sim.core.pose_table import prepare
 from collision_sim.core.shapes import Present
+from collision_sim.kinematics import Kinematics
 from collision_sim.processes import start
 from collision_sim.simulation import Simulation
 from collision_sim.tables import acting_forces, collider_table, step_rules
@@ -201,8 +202,13 @@ def _step(scene, ledger, contacts):
 
 
 def _play_poses(scene):
-    if any(collider.topic is not None for collider in scene.colliders):
+    """Do what poses need that come from topics: play a stream, and move a collider."""
+    names = [collider.name for collider in scene.colliders if collider.topic is not None]
+    if names:
         prepare()
+        colliders = Kinematics(scene)
+        position, orientation = colliders.pose(names[0])
+        colliders.move(names[:1], [position], [orientation], None, 1.0)
 
 
 def start_helper(scene, ledger, contacts):

@@ -29,7 +29,7 @@ from collision_sim.listener import heard
 from collision_sim.studies import bench_features, bench_machine, bench_peers
 from collision_sim.studies.bench_report import Report
 from collision_sim.studies.bench_tables import write_csv
-from collision_sim.studies.bench_works import WORKS
+from collision_sim.studies.bench_works import moves, WORKS
 from collision_sim.studies.drafts import write_text
 from tqdm import tqdm
 
@@ -89,9 +89,10 @@ def add_arguments(parser):
                         help='folder for bench.csv, features.csv and bench.md')
 
 
-def codes_of(arguments):
-    """Give the codes to measure, that of this package first."""
-    ours = bench_peers.OURS[:1] if arguments.quick else bench_peers.OURS
+def codes_of(arguments, work):
+    """Give the codes to measure a work with, that of this package first."""
+    ours = tuple(code for code in bench_peers.OURS if code is bench_peers.OWN
+                 or not arguments.quick and (code is bench_peers.FUSED or moves(work)))
     if arguments.peers is None:
         return ours
     return ours + tuple(code for code in bench_peers.PEERS
@@ -116,15 +117,14 @@ def measure(arguments, report, folder):
 
 def measure_works(arguments, repeats, report, folder):
     """Measure the works, with a progress bar."""
-    codes = codes_of(arguments)
     counts = arguments.sizes or (QUICK_SIZES if arguments.quick else SIZES)
-    total = (len(arguments.works) * len(counts) * len(arguments.threads) * len(codes)
-             * (repeats + 1))
+    codes = {work: codes_of(arguments, work) for work in arguments.works}
+    total = len(counts) * len(arguments.threads) * sum(map(len, codes.values())) * (repeats + 1)
     with tqdm(total=total, unit='turn', disable=None, leave=False) as bar:
         for work in arguments.works:
             for count in counts:
                 for threads in arguments.threads:
-                    report.rows += bench_peers.measure(work, count, codes, threads, repeats,
+                    report.rows += bench_peers.measure(work, count, codes[work], threads, repeats,
                                                        folder, report.rates[threads], bar)
 
 

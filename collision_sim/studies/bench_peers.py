@@ -47,7 +47,9 @@ class Code(NamedTuple):
 
 
 OWN = Code('collision_sim', 'collision_sim', 'of_own')
-OURS = (OWN, Code('collision_sim fused', 'collision_sim', 'of_own', 'fused'))
+FUSED = Code('collision_sim fused', 'collision_sim', 'of_own', 'fused')
+MOVED = Code('collision_sim moved', 'collision_sim', 'of_own', 'moved')
+OURS = (OWN, FUSED, MOVED)
 PEERS = (
     Code('numpy', 'numpy', 'of_numpy'),
     Code('warp', 'warp', 'of_warp'),

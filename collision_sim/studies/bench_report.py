@@ -66,15 +66,16 @@ def machine():
 
 def own_table(rows):
     """Give the figures of this package for one work."""
-    names = [code.name for code in bench_peers.OURS]
-    rows = [row for row in rows if row.code in names]
+    calls = {bench_peers.OWN.name: 'a step each', bench_peers.FUSED.name: 'all steps in one',
+             bench_peers.MOVED.name: 'a step each, with the pose of the box'}
+    rows = [row for row in rows if row.code in calls]
     shows_near = any(row.near is not None for row in rows)
-    head = ['particles', 'threads', 'calls', 'best [ns]', 'median [ns]', 'bandwidth',
-            'contacts a particle-step', *(['near the mesh'] if shows_near else [])]
-    lines = [[size(row.particles), figure(row.threads),
-              'a step each' if row.code == names[0] else 'all steps in one', figure(row.best),
-              figure(row.median), f'{100 * row.share:.0f} %' if row.share else '',
-              figure(row.contacts), *([figure(row.near)] if shows_near else [])]
+    head = ['particles', 'threads', 'calls', 'best [ns]', 'to a step each', 'median [ns]',
+            'bandwidth', 'contacts a particle-step', *(['near the mesh'] if shows_near else [])]
+    lines = [[size(row.particles), figure(row.threads), calls[row.code], figure(row.best),
+              figure(row.ratio), figure(row.median),
+              f'{100 * row.share:.0f} %' if row.share else '', figure(row.contacts),
+              *([figure(row.near)] if shows_near else [])]
              for row in rows]
     return aligned(head, lines)
 

@@ -100,6 +100,11 @@ def _work_1(position, velocity=(0.0, 0.0, 0.0)):
             'colliders': [GROUND, BALL, BLOCK], 'stepping': {'dt': DT}}
 
 
+def moves(work):
+    """Tell whether a collider moves in a work, by its key: the box of work 1."""
+    return work.partition('-')[0] == '1'
+
+
 def _spread(count, height):
     """Put points where nothing else is: on the far side of the ball and the box, and beyond."""
     random = np.random.default_rng(1)
@@ -142,6 +147,27 @@ def block_poses(steps):
     angle = BLOCK_SPIN * time
     position = BLOCK['position'] + time[:, None] * np.array(BLOCK_SPEED)
     return np.column_stack([position, np.cos(angle), np.sin(angle)])
+
+
+def block_moves(steps):
+    """
+    Poses of the box of work 1 at the ends of its steps, to hand over one by one.
+
+    Parameters
+    ----------
+    steps : int
+        Of DT.
+
+    Returns
+    -------
+    moves : list of (list, list)
+        Position [m] and orientation, a quaternion x, y, z, w.
+
+    """
+    poses = block_poses(steps)[1:]
+    half = 0.5 * np.arctan2(poses[:, 4], poses[:, 3])
+    turns = np.column_stack([np.zeros((steps, 2)), np.sin(half), np.cos(half)])
+    return list(zip(poses[:, :3].tolist(), turns.tolist()))
 
 
 def pack(count):

@@ -14,6 +14,7 @@
 
 """`collision_sim bench`: the works are those described, the tables are whole; nothing is timed."""
 
+import argparse
 import csv
 import json
 
@@ -152,6 +153,24 @@ def test_numpy_does_the_same_work(work, tmp_path):
         np.testing.assert_array_equal(runner.state()[0], runner.job.position)
     own, other = outcomes
     assert bench_peers.difference(other, own, WORKS[work].band) == ''
+
+
+@pytest.mark.jit
+def test_the_box_is_moved_as_its_script_moves_it(tmp_path):
+    """Pose by pose, handed over at each step; only work 1 has a box that moves."""
+    told, scripted = (of_own.runner(Job('1', WORKS['1'].scene(200, tmp_path), 1, variant))
+                      for variant in ('moved', ''))
+    for steps in (7, WORKS['1'].steps):
+        for runner in (told, scripted):
+            runner.begin()
+            runner.run(steps)
+        for one, other in zip(*(runner.sim.collider_pose('block') for runner in (told, scripted))):
+            np.testing.assert_allclose(one, other, atol=1e-12)
+    own, other = worker.outcome(scripted), worker.outcome(told)
+    assert bench_peers.difference(other, own, WORKS['1'].band) == ''
+    words = argparse.Namespace(quick=False, peers=None)
+    assert [work for work in WORKS if bench_peers.MOVED in bench.codes_of(words, work)] == [
+        '1', '1-rest', '1-slide']
 
 
 def test_other_work_is_told():

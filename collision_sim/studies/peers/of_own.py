@@ -14,8 +14,10 @@
 
 """The works as collision_sim does them."""
 
+from dataclasses import replace
+
 from collision_sim.simulation import Simulation
-from collision_sim.studies.bench_works import is_near_torus, WORKS
+from collision_sim.studies.bench_works import BLOCK, block_moves, is_near_torus, WORKS
 import numpy as np
 
 LOOKS = 24              # times in a run at which particles near the torus are counted
@@ -24,6 +26,8 @@ LOOKS = 24              # times in a run at which particles near the torus are c
 class Own:
     """
     All works, step by step with the contacts of each step, or `fused` in one call.
+
+    As `moved` the box of work 1 does not follow its script: each step is told where it ends.
 
     Parameters
     ----------
@@ -35,14 +39,22 @@ class Own:
     precision = 'f64'
 
     def __init__(self, job):
-        self.job, self.threads, self._fused = job, job.threads, job.variant == 'fused'
-        self.sim = Simulation(job.scene, contacts=True, threads=job.threads)
+        self.job, self.threads, scene = job, job.threads, job.scene
+        if job.variant == 'moved':
+            still = [replace(collider, motion=None) for collider in scene.colliders]
+            scene = replace(scene, colliders=tuple(still))
+            self._moves = block_moves(WORKS[job.work].steps)
+        self.sim = Simulation(scene, contacts=True, threads=job.threads)
         self.begin = self.sim.reset
 
     def run(self, steps):
         """Take the steps."""
-        if self._fused:
+        if self.job.variant == 'fused':
             self.sim.step(steps)
+        elif self.job.variant == 'moved':
+            for position, orientation in self._moves[:steps]:
+                self.sim.move_collider(BLOCK['name'], position, orientation)
+                self.sim.step()
         else:
             for _ in range(steps):
                 self.sim.step()
