@@ -67,7 +67,7 @@ from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_R
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
-from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 AGAIN = 32              # times that the stage is run at most
@@ -194,10 +194,16 @@ def _lean(stage, dry, here, pile, c):
     stage.accounts[here.block, counter] += 1
 
 
+@inlined
+def _is_deep(stage, i, depth):
+    """Whether a depth [m] of particle i in colliders is more than what is left of a push."""
+    return depth > DEEP * stage.matter.radius[i] + ROUNDING * largest(column(stage.x, i))
+
+
 @kernel
 def _is_at_wall(stage, i, answers):
     """Whether particle i now ends inside a collider."""
-    return pushed_place(stage, i, answers)[0] > DEEP * stage.matter.radius[i]
+    return _is_deep(stage, i, pushed_place(stage, i, answers)[0])
 
 
 @inlined
@@ -232,7 +238,7 @@ def _find_pushed(stage, bounced, bounces, velocities, answers):
     for k in range(_list_at_walls(stage, bounced, bounces)):
         i = meetings.struck[k]
         depth, place = pushed_place(stage, i, answers)
-        if depth > DEEP * stage.matter.radius[i]:
+        if _is_deep(stage, i, depth):
             put_at(velocities, size, 0, column(stage.candidates.u, i))
             put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(stage.x, i))))
             meetings.struck[size] = i
