@@ -157,10 +157,14 @@ def _find_supports(stage, here, x0):
     """List the colliders that a particle may press on among the walls, sorted."""
     rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
     u = column(stage.candidates.u, here.particle)
-    x1, reach = add_scaled(x0, dt, u), SUPPORT_REACH * here.radius + dt * length(u)
+    x1, speed = add_scaled(x0, dt, u), length(u)
     walls.size[0] = 0
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
+        if stage.moves:
+            speed = length(subtract(u, chord_velocity(stage.motion, stage.poses, here.step,
+                                                      here.start, c, x0, dt)))
+        reach = SUPPORT_REACH * here.radius + dt * speed
         gap, n = end_gap(rules.present.meshes, rules, here, stage.table, stage.poses,
                          stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
@@ -182,7 +186,9 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
-    known = recall(stage.memory, i, stage.x.shape[1] + c)
+    rests = recall(stage.memory, i, stage.x.shape[1] + c)
+    if gap - TOUCH * here.radius > dt * stage.pair_rules.slow:      # what pressed is away now
+        rests = NONE
     depth = starts_inside(rules, here, stage.table, poses, motion, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
@@ -190,7 +196,7 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n, spent = dot(n, subtract(column(stage.v, i), first)), is_spent(stage.meetings, i)
-    end = _end_bound(stage.pair_rules.part, known != NONE, spent, v_n, gap, mean,
+    end = _end_bound(stage.pair_rules.part, rests != NONE, spent, v_n, gap, mean,
                      again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
         _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
@@ -200,7 +206,7 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     put_at(pile.bodies, size, FREE, last)
     put_at(pile.bodies, size, KEPT, last)
     pile.bodies[size, INVERSE] = 0.0
-    _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
+    _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, rests, 1.0)
     pile.source[count] = PUSHES_OUT if depth > 0.0 else CARRIES
     return size + 1, count + 1
 
