@@ -22,7 +22,7 @@ velocities are said in piles.py.
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, ENOUGH, FREE, IMPULSE,
                                                INVERSE, KEPT, KEPT_IMPULSE, LAW_ROW, MASS, MEAN,
                                                MEAN_BOUND, NORMAL, PUSH, push, put_at)
-from collision_sim.core.detection import end_gap, starts_inside
+from collision_sim.core.detection import end_gap, path_hit, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
@@ -153,6 +153,26 @@ def _carry(pile, body, n, mean, end):
 
 
 @kernel
+def _gap_on_way(stage, here, c, x0, x1, gap, n):
+    """
+    Gap [m] at the end, along the normal, to a collider that a particle hits on its way.
+
+    As response.py acts on it with sweeps: who meets a surface ends on the plane that touches it
+    there. The end normal is for those who touch it from the start, or do not hit it.
+    """
+    rules, poses, motion, dt = stage.rules, stage.poses, stage.motion, stage.rules.flight.dt
+    if starts_inside(rules, here, stage.table, poses, motion, c, x0) > 0.0:
+        return gap, n
+    tau, n_hit, _, _ = path_hit(rules.present.meshes, rules, here, stage.table, poses, motion, c,
+                                x0, x1)
+    if 0.0 < tau <= 1.0:
+        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+        way = subtract(subtract(x1, x0), scaled(dt, obj))
+        return (1.0 - tau) * dot(n_hit, way), n_hit
+    return gap, n
+
+
+@kernel
 def _find_supports(stage, here, x0):
     """List the colliders that a particle may press on among the walls, sorted."""
     rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
@@ -168,6 +188,8 @@ def _find_supports(stage, here, x0):
         gap, n = end_gap(rules.present.meshes, rules, here, stage.table, stage.poses,
                          stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
+            if rules.sweep is not None:
+                gap, n = _gap_on_way(stage, here, c, x0, x1, gap, n)
             walls.ends[k, 1], walls.values[k, ORDER] = c, gap
             put_at(walls.values, k, ALONG, n)
             walls.size[0] += 1
