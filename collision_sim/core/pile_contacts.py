@@ -27,7 +27,8 @@ from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.pair_memory import forget, keep, recall
-from collision_sim.core.pair_walls import ALONG, here_of, ORDER, sort_walls
+from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, here_of, ORDER,
+                                           sort_walls)
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, is_spent, SECOND, TOUCH
 from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
@@ -36,6 +37,9 @@ SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on
 # Marks of a pair instead of a round: in contact, met anew, and in contact since then.
 IN_CONTACT, MET_ANEW, MET = -2, -3, -4
 CARRIES, PUSHES_OUT = 0, 1      # what a collider does to a particle: on it, or inside it
+# Columns of the walls of a body that they carry: least velocities [m/s] along the normal, scratch.
+FORCE, LEAST_MEAN, LEAST_END = APPROACH, COLLIDER_VELOCITY, COLLIDER_VELOCITY + 1
+CARRIES_OVER = 200      # most rounds of these walls
 HOT = 1                 # mark of a particle whose contacts are solved again
 
 
@@ -141,13 +145,35 @@ def list_pairs(stage, again):
     return size, c
 
 
-@inlined
-def _carry(pile, body, n, mean, end):
-    """Let a body that no impulse moves have at least these normal velocities [m/s]."""
-    for which, least in ((MEAN, mean), (ENDING, end)):
-        velocity = at(pile.bodies, body, which)
-        put_at(pile.bodies, body, which,
-               add_scaled(velocity, max(least - dot(n, velocity), 0.0), n))
+@kernel
+def _carry(pile, body, which, walls, bound, force):
+    """
+    Give a body that no impulse moves the least change that brings a velocity to its bounds.
+
+    Columns `bound` and `force` of the walls: the least normal velocities [m/s], and scratch. Each
+    wall in turn adds what is missing, and takes back what is too much of that (C. Hildreth, 1957):
+    their order means nothing then.
+    """
+    values, velocity = walls.values, at(pile.bodies, body, which)
+    for k in range(walls.size[0]):
+        values[k, force] = 0.0
+    for _ in range(CARRIES_OVER):
+        change = 0.0
+        for k in range(walls.size[0]):
+            n = at(values, k, ALONG)
+            more = max(values[k, bound] - dot(n, velocity), -values[k, force])
+            values[k, force] += more
+            velocity, change = add_scaled(velocity, more, n), max(change, abs(more))
+        if not change > ROUNDING * length(velocity):
+            break
+    put_at(pile.bodies, body, which, velocity)
+
+
+@kernel
+def _carry_along(pile, body, walls):
+    """Let a body that no impulse moves go along with its supports."""
+    _carry(pile, body, MEAN, walls, LEAST_MEAN, FORCE)
+    _carry(pile, body, ENDING, walls, LEAST_END, FORCE)
     put_at(pile.bodies, body, FREE, at(pile.bodies, body, ENDING))
     put_at(pile.bodies, body, KEPT, at(pile.bodies, body, ENDING))
 
@@ -197,13 +223,14 @@ def _find_supports(stage, here, x0):
 
 
 @inlined
-def _support(stage, here, x0, c, gap, n, size, count, again):
+def _support(stage, here, x0, k, size, count, again):
     """
-    List collider c as a support of a particle, at a gap [m] at the end; how many there are then.
+    List the collider of wall k as a support of a particle; how many bodies and contacts there are.
 
-    One of infinite mass is carried right away: no impulse of the pile would change that.
+    One of infinite mass is carried, by all at once: no impulse of the pile would change that.
     """
-    i, rules, pile = here.particle, stage.rules, stage.pile
+    i, rules, pile, values = here.particle, stage.rules, stage.pile, stage.walls.values
+    c, gap, n = stage.walls.ends[k, 1], values[k, ORDER], at(values, k, ALONG)
     poses, motion = stage.poses, stage.motion
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
@@ -221,7 +248,7 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     end = _end_bound(stage.pair_rules.part, rests != NONE, spent, v_n, gap, mean,
                      again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
-        _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
+        values[k, LEAST_MEAN], values[k, LEAST_END] = mean + dot(n, obj), end + dot(n, last)
         return size, count
     put_at(pile.bodies, size, MEAN, obj)
     put_at(pile.bodies, size, ENDING, last)
@@ -245,9 +272,10 @@ def list_supports(stage, bodies, contacts, again, answers):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 stage.accounts[0, N_UNDECIDED] += 1
                 return size, contacts
-            c = walls.one[0] = walls.ends[k, 1]
-            size, contacts = _support(stage, here, x0, c, walls.values[k, ORDER],
-                                      at(walls.values, k, ALONG), size, contacts, again)
+            walls.one[0] = walls.ends[k, 1]
+            size, contacts = _support(stage, here, x0, k, size, contacts, again)
+        if pile.bodies[a, INVERSE] == 0.0:
+            _carry_along(pile, a, walls)
     return size, contacts
 
 
