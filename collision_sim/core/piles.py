@@ -86,7 +86,7 @@ def _mean_impulse(part, pile, c):
 
 @kernel
 def _hand_on(part, candidates, pile, bodies, pairs):
-    """Add the impulses between particles to the candidates."""
+    """Add the impulses between particles to the candidates; nobody leads who nothing moves."""
     for a in range(bodies):
         i = pile.particle[a]
         put_at(pile.bodies, a, MEAN, column(candidates.u, i))
@@ -97,9 +97,10 @@ def _hand_on(part, candidates, pile, bodies, pairs):
         push(pile.bodies, a, b, ENDING, at(pile.contacts, c, IMPULSE))
     for a in range(bodies):
         i = pile.particle[a]
-        candidates.settled[i] = 1
-        put(candidates.u, i, at(pile.bodies, a, MEAN))
-        put(candidates.w, i, at(pile.bodies, a, ENDING))
+        if pile.bodies[a, INVERSE] > 0.0:
+            candidates.settled[i] = 1
+            put(candidates.u, i, at(pile.bodies, a, MEAN))
+            put(candidates.w, i, at(pile.bodies, a, ENDING))
         pile.body[i] = NONE
 
 
