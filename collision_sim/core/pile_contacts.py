@@ -31,7 +31,8 @@ from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, h
                                            sort_walls)
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, is_spent, SECOND, TOUCH
 from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
-from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
+                                        subtract)
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
 # Marks of a pair instead of a round: in contact, met anew, and in contact since then.
@@ -203,14 +204,15 @@ def _find_supports(stage, here, x0):
     """List the colliders that a particle may press on among the walls, sorted."""
     rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
     u = column(stage.candidates.u, here.particle)
-    x1, speed = add_scaled(x0, dt, u), length(u)
+    x1, path = add_scaled(x0, dt, u), scaled(dt, u)
+    way = length(path)
     walls.size[0] = 0
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
-        if stage.moves:
-            speed = length(subtract(u, chord_velocity(stage.motion, stage.poses, here.step,
-                                                      here.start, c, x0, dt)))
-        reach = SUPPORT_REACH * here.radius + dt * speed
+        if stage.moves:     # as it is seen from the collider; who turns far away comes no nearer
+            way = length(subtract(path, subtract(origin(stage.poses, here.end, c),
+                                                 origin(stage.poses, here.start, c))))
+        reach = SUPPORT_REACH * here.radius + way
         gap, n = end_gap(rules.present.meshes, rules, here, stage.table, stage.poses,
                          stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
