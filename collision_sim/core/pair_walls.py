@@ -349,11 +349,12 @@ def pushed_place(stage, i, answers):
     Find how deep [m] particle i ends in colliders, and where [m] these push it, deepest first.
 
     As response.py presses it: no farther than to the surface, or to go with the collider; if it
-    has started inside, no faster than it is repelled.
+    has started inside, no faster than it is repelled. Of one whose collisions are still to come
+    the deepest only: what others then do is for the next step, which keeps its speed.
     """
     x0, here, u = column(stage.x, i), here_of(stage, i, answers), column(stage.candidates.u, i)
     place, depth, dt = add_scaled(x0, stage.rules.flight.dt, u), 0.0, stage.rules.flight.dt
-    for turn in range(SIDES):
+    for turn in range(SIDES if is_settled(stage.candidates, i) else 1):
         c, gap, n = _deepest_wall(stage, here, x0, place)
         if turn == 0:
             depth = -gap
