@@ -18,7 +18,9 @@ from collision_sim.core.contact_solver import (END_BOUND, ENDING, FREE, IMPULSE,
                                                make_pile, MASS, MEAN, MEAN_BOUND, NORMAL)
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.joint import collide_group, FOUND, make_room, settle_group
-from collision_sim.core.shapes import COLUMNS, RESTITUTION, STATIC
+from collision_sim.core.laws import CAPPED, EXPONENTIAL
+from collision_sim.core.shapes import COLUMNS, RESTITUTION, STATIC, WET, WET_FORM
+from collision_sim.core.sliding import LEFT_OVER
 import numpy as np
 import pytest
 
@@ -162,3 +164,31 @@ def test_friction_of_a_light_ball_between_heavy_ones_is_found():
         assert np.linalg.norm(along) <= bound * (1.0 + 1e-9)
         if np.linalg.norm(slip) > 1e-9:         # who slides has all of it, against the slip
             assert abs(along @ slip + bound * np.linalg.norm(slip)) < 1e-6 * bound
+
+
+@pytest.mark.parametrize('form', [CAPPED, EXPONENTIAL])
+@pytest.mark.parametrize('collides', [True, False])
+def test_wet_friction_between_plates_that_slide_past_each_other(form, collides):
+    """
+    Each plate would end all slip of the ball, which cannot be: each leaves a share of it.
+
+    With a share s of the slip v - w left, friction is (1 / s - 1) (w - v), of each plate.
+    """
+    pile, table = make_pile(3, 2, np.full(1, -1, dtype=np.int32)), laws(0.0, 0.0)
+    table[0, WET], table[0, WET_FORM] = 100.0, form
+    pile.bodies[:] = 0.0
+    pile.bodies[0, INVERSE] = 1.0
+    pile.bodies[1:, FREE:FREE + 3] = [(3.0, 0.0, 1.0), (1.0, 0.0, -1.0)]
+    pile.bodies[:, REST] = pile.bodies[:, MEAN:MEAN + 3] = pile.bodies[:, FREE:FREE + 3]
+    for c, side in enumerate((1.0, -1.0)):
+        pile.ends[c], pile.member[c] = (0, 1 + c, 0), c
+        pile.contacts[c, NORMAL:NORMAL + 3], pile.contacts[c, MASS] = (0.0, 0.0, side), 1.0
+        pile.contacts[c, END_BOUND] = pile.contacts[c, MEAN_BOUND] = 0.0
+    if collides:
+        collide_group(False, True, table, pile, 0, 2, make_room())
+    else:
+        settle_group(False, True, table, 0.5, (0.0, 0.0, 0.0), pile, 0, 2, make_room())
+    pull = 1.0 / LEFT_OVER - 1.0
+    speed = pull * (3.0 + 1.0) / (1.0 + 2.0 * pull)
+    assert pile.bodies[0, ENDING:ENDING + 3] == pytest.approx((speed, 0.0, 0.0), abs=1e-6)
+    assert np.abs(pile.contacts[:2, IMPULSE]).max() < 20.0

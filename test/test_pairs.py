@@ -118,6 +118,20 @@ def test_particles_far_from_each_other():
     assert np.allclose(sim.velocity[:4, 0], [-0.5, 0.5, -0.5, 0.5], rtol=1e-12)
 
 
+@pytest.mark.parametrize('other', [(0.0, 0.0, 0.25), (9.0, 0.0, 9.0)])
+def test_nothing_that_a_ball_does_moves_one_of_infinite_mass(other):
+    """It starts in the floor, on its way up: with a ball on it, it moves as without."""
+    sim = simulate([plane()], [(0.0, 0.0, 0.07), other], [(0.5, 0.0, 0.0), (0.0, 0.0, 0.0)],
+                   dt=0.02, particles={'radius': 0.1, 'mass': [np.inf, 1.0]}, pairs={},
+                   friction={'dry': 0.3}, restitution=0.5)
+    sim.step(3)
+    alone = simulate([plane()], [(0.0, 0.0, 0.07)], [(0.5, 0.0, 0.0)], dt=0.02,
+                     particles={'radius': 0.1}, friction={'dry': 0.3}, restitution=0.5)
+    alone.step(3)
+    assert sim.position[0].tolist() == alone.position[0].tolist()
+    assert sim.velocity[0].tolist() == alone.velocity[0].tolist()
+
+
 def test_a_crowd_at_one_place_ends():
     """Seventy balls at one place: counted as undecided, finite, momentum kept."""
     velocity = np.random.default_rng(1).normal(size=(70, 3))

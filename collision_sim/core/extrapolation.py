@@ -176,7 +176,7 @@ def integrate(rules, forces, here, table, poses, courses, work, stiff, holds, t,
     less_x = (work[ROWS - 2, 0], work[ROWS - 2, 1], work[ROWS - 2, 2])
     less_v = (work[ROWS - 2, 3], work[ROWS - 2, 4], work[ROWS - 2, 5])
     speed, error = length(v) + length(dv), 0.0
-    if speed > 0.0:
+    if h * speed > 0.0:
         noise = NOISE * (h * (length(a) + length(normal) + length(forces.gravity)) + largest(v))
         miss = max(length(subtract(dx, less_x)) - NOISE * largest(x), 0.0)
         miss_v = max(length(subtract(dv, less_v)) - noise, 0.0)

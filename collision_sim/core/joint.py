@@ -44,9 +44,9 @@ from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.pairs import FIRST, SECOND
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import RESTITUTION, STATIC, WET
-from collision_sim.core.sliding import (ALONE, BOUNDED, BY_LAW, FORCE, JOINTLY, MARK, mark_sliding,
-                                        MAY_STICK, PRESSING, rub_all, shared_mass, slide_at_once,
-                                        take_back)
+from collision_sim.core.sliding import (AGAIN, ALONE, BOUNDED, BY_LAW, FORCE, JOINTLY, MARK,
+                                        mark_sliding, MAY_STICK, PRESSING, rub_all, shared_mass,
+                                        slide_at_once, take_back)
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 import numpy as np
 
@@ -436,14 +436,14 @@ def _turn(dry, wet, laws, pile, first, count, room, mode):
         if leapt and not change <= NEARER * before:
             take_back(pile, first, count, room)
             wait, rest, leapt, done = rest, 2 * rest, False, False
-        elif mode != ALONE and not change <= wildest:
+        elif mode < ALONE and not change <= wildest:
             return WITHOUT_END
         else:
             done = _is_done(dry, wet, change, before, speed)
             wait, leapt, before = wait - 1, turn >= EAGER and wait <= 0 and not done, change
         if leapt:
             slide_at_once(dry, wet, laws, pile, first, count, room, mode)
-        if mode != ALONE:
+        if mode < ALONE:
             _press_normally(pile, first, count, room, ENDING, END_BOUND)
         if done:
             return FOUND
@@ -483,8 +483,9 @@ def _end_approaches(dry, wet, laws, pile, first, count, room):
     Find the impulses of a group that leave its end velocities within their bounds.
 
     Friction that wedges a group up makes impulses that grow from turn to turn, or has several
-    answers: then its bounds are those of what presses without it, which has one answer, but for
-    linear wet friction that overshoots: there is none then.
+    answers: then its bounds are those of what presses without it, and if it is wet it leaves
+    something of each slip. That has one answer, but for linear wet friction that overshoots: there
+    is none then.
     Returns FOUND, or OPEN where that was so.
     """
     _begin(pile, first, count, room)
@@ -651,6 +652,11 @@ def collide_group(dry, wet, laws, pile, first, count, room):
     for k in range(count):
         _add_normally(pile, first, k, room, ENDING, 1.0)
     friction = _find_friction(dry, wet, laws, pile, first, count, room, ALONE)
+    if wet and friction == OPEN:
+        for k in range(count):
+            put_at(room.kept, k, 0, (0.0, 0.0, 0.0))
+        take_back(pile, first, count, room)
+        _find_friction(dry, wet, laws, pile, first, count, room, AGAIN)
     _take_over_normal_impulses(pile, first, count, room)
     if _rubs(dry, wet, laws, pile, first, count):
         _sum_up(pile, first, count)

@@ -45,6 +45,7 @@ import numpy as np
 # Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
 # its collisions are listed; these are left to response.py.
 AWAY, AT_WALL, LISTED, LEFT = 1, 2, 3, 4
+SIDES = 3               # most colliders that push a particle one after the other: of a corner
 # Columns of the walls, collisions of particles with colliders: when or how deep, normal velocity
 # and normal, velocity of the collider, point.
 ORDER, APPROACH, ALONG, COLLIDER_VELOCITY, WHERE, WALL = 0, 1, 2, 5, 8, 11
@@ -327,23 +328,40 @@ def _pushed_by(stage, here, c, gap, n, x0, u):
 
 
 @kernel
+def _deepest_wall(stage, here, x0, x1):
+    """Collider that a particle is deepest in at x1, or NONE, the gap [m] and the normal."""
+    c, deepest, normal = NONE, 0.0, (0.0, 0.0, 1.0)
+    for k in range(stage.table.shape[0]):
+        stage.walls.one[0] = k
+        gap, n = end_distance(stage.rules, here, stage.table,
+                              stage.poses, stage.motion, k, x0, x1)
+        if gap < deepest or (c != NONE and gap == deepest and stands_first(
+                stage.table, stage.poses, here.end, k, n, c, normal)):
+            c, deepest, normal = k, gap, n
+    return c, deepest, normal
+
+
+@kernel
 def pushed_place(stage, i, answers):
     """
-    Find how deep [m] particle i ends in colliders, and where [m] the deepest one pushes it.
+    Find how deep [m] particle i ends in colliders, and where [m] these push it, deepest first.
 
     As response.py presses it: no farther than to the surface, or to go with the collider; if it
-    has started inside, no faster than it is repelled.
+    has started inside, no faster than it is repelled. Of one whose collisions are still to come
+    the deepest only: what others then do is for the next step, which keeps its speed.
     """
     x0, here, u = column(stage.x, i), here_of(stage, i, answers), column(stage.candidates.u, i)
-    x1 = add_scaled(x0, stage.rules.flight.dt, u)
-    deepest, place = 0.0, x1
-    for c in range(stage.table.shape[0]):
+    place, depth, dt = add_scaled(x0, stage.rules.flight.dt, u), 0.0, stage.rules.flight.dt
+    for turn in range(SIDES if is_settled(stage.candidates, i) else 1):
+        c, gap, n = _deepest_wall(stage, here, x0, place)
+        if turn == 0:
+            depth = -gap
+        if not gap < -ROUNDING * (largest(place) + here.radius):
+            break
         stage.walls.one[0] = c
-        gap, n = end_distance(stage.rules, here, stage.table,
-                              stage.poses, stage.motion, c, x0, x1)
-        if gap < deepest:
-            deepest, place = gap, _pushed_by(stage, here, c, gap, n, x0, u)
-    return -deepest, place
+        place = _pushed_by(stage, here, c, gap, n, x0, u)
+        u = scaled(1.0 / dt, subtract(place, x0))
+    return depth, place
 
 
 @kernel

@@ -22,20 +22,25 @@ velocities are said in piles.py.
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, ENOUGH, FREE, IMPULSE,
                                                INVERSE, KEPT, KEPT_IMPULSE, LAW_ROW, MASS, MEAN,
                                                MEAN_BOUND, NORMAL, PUSH, push, put_at)
-from collision_sim.core.detection import end_gap, starts_inside
+from collision_sim.core.detection import end_gap, path_hit, starts_inside
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.laws import repulsion
 from collision_sim.core.motion import chord_velocity, END, point_velocity, START
 from collision_sim.core.pair_memory import forget, keep, recall
-from collision_sim.core.pair_walls import ALONG, here_of, ORDER, sort_walls
+from collision_sim.core.pair_walls import (ALONG, APPROACH, COLLIDER_VELOCITY, here_of, ORDER,
+                                           sort_walls)
 from collision_sim.core.pairs import can_meet, column, end_normal, FIRST, is_spent, SECOND, TOUCH
 from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
-from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+from collision_sim.core.vectors import (add_scaled, dot, largest, length, origin, scaled,
+                                        subtract)
 
 SUPPORT_REACH = 0.25    # share of a radius within which a particle may press on a collider
 # Marks of a pair instead of a round: in contact, met anew, and in contact since then.
 IN_CONTACT, MET_ANEW, MET = -2, -3, -4
 CARRIES, PUSHES_OUT = 0, 1      # what a collider does to a particle: on it, or inside it
+# Columns of the walls of a body that they carry: least velocities [m/s] along the normal, scratch.
+FORCE, LEAST_MEAN, LEAST_END = APPROACH, COLLIDER_VELOCITY, COLLIDER_VELOCITY + 1
+CARRIES_OVER = 200      # most rounds of these walls
 HOT = 1                 # mark of a particle whose contacts are solved again
 
 
@@ -141,15 +146,57 @@ def list_pairs(stage, again):
     return size, c
 
 
-@inlined
-def _carry(pile, body, n, mean, end):
-    """Let a body that no impulse moves have at least these normal velocities [m/s]."""
-    for which, least in ((MEAN, mean), (ENDING, end)):
-        velocity = at(pile.bodies, body, which)
-        put_at(pile.bodies, body, which,
-               add_scaled(velocity, max(least - dot(n, velocity), 0.0), n))
+@kernel
+def _carry(pile, body, which, walls, bound, force):
+    """
+    Give a body that no impulse moves the least change that brings a velocity to its bounds.
+
+    Columns `bound` and `force` of the walls: the least normal velocities [m/s], and scratch. Each
+    wall in turn adds what is missing, and takes back what is too much of that (C. Hildreth, 1957):
+    their order means nothing then.
+    """
+    values, velocity = walls.values, at(pile.bodies, body, which)
+    for k in range(walls.size[0]):
+        values[k, force] = 0.0
+    for _ in range(CARRIES_OVER):
+        change = 0.0
+        for k in range(walls.size[0]):
+            n = at(values, k, ALONG)
+            more = max(values[k, bound] - dot(n, velocity), -values[k, force])
+            values[k, force] += more
+            velocity, change = add_scaled(velocity, more, n), max(change, abs(more))
+        if not change > ROUNDING * length(velocity):
+            break
+    put_at(pile.bodies, body, which, velocity)
+
+
+@kernel
+def _carry_along(pile, body, walls):
+    """Let a body that no impulse moves go along with its supports."""
+    _carry(pile, body, MEAN, walls, LEAST_MEAN, FORCE)
+    _carry(pile, body, ENDING, walls, LEAST_END, FORCE)
     put_at(pile.bodies, body, FREE, at(pile.bodies, body, ENDING))
     put_at(pile.bodies, body, KEPT, at(pile.bodies, body, ENDING))
+
+
+@kernel
+def _gap_on_way(stage, here, c, x0, x1, gap, n):
+    """
+    Gap [m] at the end, along the normal, to a collider that a particle hits on its way.
+
+    As response.py acts on it with sweeps: who meets a surface ends on the plane that touches it
+    there. The end normal is for those who touch it from the start, or do not hit it.
+    """
+    rules, poses, motion, dt = stage.rules, stage.poses, stage.motion, stage.rules.flight.dt
+    if starts_inside(rules, here, stage.table, poses, motion, c, x0) > 0.0:
+        return gap, n
+    tau, n_hit, _, _ = path_hit(rules, here, stage.table, poses, motion, c,
+                                x0, x1)
+    if 0.0 < tau <= 1.0:
+        obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+        way = subtract(subtract(x1, x0), scaled(dt, obj))
+        return (1.0 - tau) * dot(n_hit, way), n_hit
+    return gap, n
 
 
 @kernel
@@ -157,13 +204,20 @@ def _find_supports(stage, here, x0):
     """List the colliders that a particle may press on among the walls, sorted."""
     rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
     u = column(stage.candidates.u, here.particle)
-    x1, reach = add_scaled(x0, dt, u), SUPPORT_REACH * here.radius + dt * length(u)
+    x1, path = add_scaled(x0, dt, u), scaled(dt, u)
+    way = length(path)
     walls.size[0] = 0
     for c in range(stage.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
+        if stage.moves:     # as it is seen from the collider; who turns far away comes no nearer
+            way = length(subtract(path, subtract(origin(stage.poses, here.end, c),
+                                                 origin(stage.poses, here.start, c))))
+        reach = SUPPORT_REACH * here.radius + way
         gap, n = end_gap(rules, here, stage.table, stage.poses,
                          stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
+            if rules.sweep:
+                gap, n = _gap_on_way(stage, here, c, x0, x1, gap, n)
             walls.ends[k, 1], walls.values[k, ORDER] = c, gap
             put_at(walls.values, k, ALONG, n)
             walls.size[0] += 1
@@ -171,18 +225,21 @@ def _find_supports(stage, here, x0):
 
 
 @inlined
-def _support(stage, here, x0, c, gap, n, size, count, again):
+def _support(stage, here, x0, k, size, count, again):
     """
-    List collider c as a support of a particle, at a gap [m] at the end; how many there are then.
+    List the collider of wall k as a support of a particle; how many bodies and contacts there are.
 
-    One of infinite mass is carried right away: no impulse of the pile would change that.
+    One of infinite mass is carried, by all at once: no impulse of the pile would change that.
     """
-    i, rules, pile = here.particle, stage.rules, stage.pile
+    i, rules, pile, values = here.particle, stage.rules, stage.pile, stage.walls.values
+    c, gap, n = stage.walls.ends[k, 1], values[k, ORDER], at(values, k, ALONG)
     poses, motion = stage.poses, stage.motion
     dt, u = rules.flight.dt, column(stage.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
-    known = recall(stage.memory, i, stage.x.shape[1] + c)
+    rests = recall(stage.memory, i, stage.x.shape[1] + c)
+    if gap - TOUCH * here.radius > dt * stage.pair_rules.slow:      # what pressed is away now
+        rests = NONE
     depth = starts_inside(rules, here, stage.table, poses, motion, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
@@ -190,17 +247,17 @@ def _support(stage, here, x0, c, gap, n, size, count, again):
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
     v_n, spent = dot(n, subtract(column(stage.v, i), first)), is_spent(stage.meetings, i)
-    end = _end_bound(stage.pair_rules.part, known != NONE, spent, v_n, gap, mean,
+    end = _end_bound(stage.pair_rules.part, rests != NONE, spent, v_n, gap, mean,
                      again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
-        _carry(pile, pile.body[i], n, mean + dot(n, obj), end + dot(n, last))
+        values[k, LEAST_MEAN], values[k, LEAST_END] = mean + dot(n, obj), end + dot(n, last)
         return size, count
     put_at(pile.bodies, size, MEAN, obj)
     put_at(pile.bodies, size, ENDING, last)
     put_at(pile.bodies, size, FREE, last)
     put_at(pile.bodies, size, KEPT, last)
     pile.bodies[size, INVERSE] = 0.0
-    _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, known, 1.0)
+    _add_contact(pile, stage.memory, count, pile.body[i], size, c, n, mean, end, rests, 1.0)
     pile.source[count] = PUSHES_OUT if depth > 0.0 else CARRIES
     return size + 1, count + 1
 
@@ -217,9 +274,10 @@ def list_supports(stage, bodies, contacts, again, answers):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
                 stage.accounts[0, N_UNDECIDED] += 1
                 return size, contacts
-            c = walls.one[0] = walls.ends[k, 1]
-            size, contacts = _support(stage, here, x0, c, walls.values[k, ORDER],
-                                      at(walls.values, k, ALONG), size, contacts, again)
+            walls.one[0] = walls.ends[k, 1]
+            size, contacts = _support(stage, here, x0, k, size, contacts, again)
+        if pile.bodies[a, INVERSE] == 0.0:
+            _carry_along(pile, a, walls)
     return size, contacts
 
 

@@ -67,7 +67,7 @@ from collision_sim.core.rules import (account_of, N_CONTACT, N_PAIR_CONTACT, N_R
 from collision_sim.core.shapes import STATIC
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import ENTERED, fetch_add, finish, LEFT
-from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
 import numpy as np
 
 AGAIN = 32              # times that the stage is run at most
@@ -86,7 +86,7 @@ def _mean_impulse(part, pile, c):
 
 @kernel
 def _hand_on(part, candidates, pile, bodies, pairs):
-    """Add the impulses between particles to the candidates."""
+    """Add the impulses between particles to the candidates; nobody leads who nothing moves."""
     for a in range(bodies):
         i = pile.particle[a]
         put_at(pile.bodies, a, MEAN, column(candidates.u, i))
@@ -97,9 +97,10 @@ def _hand_on(part, candidates, pile, bodies, pairs):
         push(pile.bodies, a, b, ENDING, at(pile.contacts, c, IMPULSE))
     for a in range(bodies):
         i = pile.particle[a]
-        candidates.settled[i] = 1
-        put(candidates.u, i, at(pile.bodies, a, MEAN))
-        put(candidates.w, i, at(pile.bodies, a, ENDING))
+        if pile.bodies[a, INVERSE] > 0.0:
+            candidates.settled[i] = 1
+            put(candidates.u, i, at(pile.bodies, a, MEAN))
+            put(candidates.w, i, at(pile.bodies, a, ENDING))
         pile.body[i] = NONE
 
 
@@ -194,10 +195,16 @@ def _lean(stage, dry, here, pile, c):
     stage.accounts[here.block, counter] += 1
 
 
+@inlined
+def _is_deep(stage, i, depth):
+    """Whether a depth [m] of particle i in colliders is more than what is left of a push."""
+    return depth > DEEP * stage.matter.radius[i] + ROUNDING * largest(column(stage.x, i))
+
+
 @kernel
 def _is_at_wall(stage, i, answers):
     """Whether particle i now ends inside a collider."""
-    return pushed_place(stage, i, answers)[0] > DEEP * stage.matter.radius[i]
+    return _is_deep(stage, i, pushed_place(stage, i, answers)[0])
 
 
 @inlined
@@ -232,7 +239,7 @@ def _find_pushed(stage, bounced, bounces, velocities, answers):
     for k in range(_list_at_walls(stage, bounced, bounces)):
         i = meetings.struck[k]
         depth, place = pushed_place(stage, i, answers)
-        if depth > DEEP * stage.matter.radius[i]:
+        if _is_deep(stage, i, depth):
             put_at(velocities, size, 0, column(stage.candidates.u, i))
             put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(stage.x, i))))
             meetings.struck[size] = i

@@ -41,13 +41,15 @@ from collision_sim.core.shapes import KINETIC, STATIC, WET, WET_FORM
 from collision_sim.core.vectors import add_scaled, cross, dot, length, scaled, subtract
 
 HELD = 1e-8             # on a diagonal of ones: redundant contacts share what they bear
+LEFT_OVER = 0.1         # of a slip, that wet friction leaves where surfaces ask for what cannot be
 # Rows of the vectors of joint.Room: normal impulses, and those that bound friction.
 FORCE, PRESSING = 1, 3
 # Row of its state that says which coefficient of friction a contact has, and what it says: that of
 # rest up to where it slides, else that of motion; only the one, or only the other.
 MARK, BY_LAW, MAY_STICK, SLIDES = 2, -1, 0, 1
-# Normal impulses are found with friction; or are, but for its bounds; or are not changed by it.
-JOINTLY, BOUNDED, ALONE = 0, 1, 2
+# Normal impulses are found with friction; or are, but for its bounds; or are not changed by it; in
+# BOUNDED and AGAIN wet friction leaves something.
+JOINTLY, BOUNDED, ALONE, AGAIN = 0, 1, 2, 3
 
 
 @inlined
@@ -103,14 +105,28 @@ def _coefficients(laws, row, mark):
 
 
 @inlined
-def _factor(dry, laws, row, speed, dv_n, mark):
+def _wet_factor(laws, row, dv_n, mode):
+    """
+    Factor of wet friction on a slip.
+
+    Two surfaces that slide past each other cannot both end the slip of a body between them. With
+    something left of each there is an answer: between them, by the masses.
+    """
+    factor = wet_factor(laws, row, dv_n)
+    if mode == BOUNDED or mode == AGAIN:
+        return LEFT_OVER if 0.0 <= factor < LEFT_OVER else factor
+    return factor
+
+
+@inlined
+def _factor(dry, laws, row, speed, dv_n, mark, mode):
     """Factor of friction on a slip [m/s]."""
     factor = 1.0
     if dry:
         static, kinetic = _coefficients(laws, row, mark)
         if static * dv_n > 0.0:
             factor = dry_friction(speed, dv_n, static, kinetic)
-    return factor * wet_factor(laws, row, dv_n)
+    return factor * _wet_factor(laws, row, dv_n, mode)
 
 
 @inlined
@@ -122,7 +138,7 @@ def _slip_without(pile, c, along):
 
 
 @inlined
-def _rub(dry, laws, pile, first, k, room):
+def _rub(dry, laws, pile, first, k, room, mode):
     """Give a contact the friction that its law asks for; the change of velocity [m/s]."""
     c = pile.member[first + k]
     mass, along, after = pile.contacts[c, MASS], friction_of(pile, c), (0.0, 0.0, 0.0)
@@ -130,7 +146,7 @@ def _rub(dry, laws, pile, first, k, room):
     if dv_n > 0.0:
         slip = _slip_without(pile, c, along)
         factor = _factor(dry, laws, pile.ends[c, LAW_ROW], length(slip), dv_n,
-                         room.state[MARK, k])
+                         room.state[MARK, k], mode)
         after = scaled(mass * (factor - 1.0), slip)
     change = subtract(after, along)
     shift_friction(pile, c, change)
@@ -153,7 +169,7 @@ def rub_all(dry, laws, pile, first, count, room, mode, holds):
     for turn in range(2 if count > 1 else 1):
         for m in range(count):
             k = m if turn == 0 else count - 1 - m
-            fastest = max(fastest, _rub(dry, laws, pile, first, k, room))
+            fastest = max(fastest, _rub(dry, laws, pile, first, k, room, mode))
     return fastest
 
 
@@ -246,7 +262,7 @@ def _frame(pile, c):
 
 
 @inlined
-def _slopes(dry, wet, laws, row, speed, dv_n, mark):
+def _slopes(dry, wet, laws, row, speed, dv_n, mark, mode):
     """Factor of friction on a slip [m/s], its slope times that, and that by the normal change."""
     factor, by_speed, by_normal = 1.0, 0.0, 0.0
     if dry:
@@ -257,7 +273,7 @@ def _slopes(dry, wet, laws, row, speed, dv_n, mark):
                 by_speed, by_normal = kinetic * dv_n / speed, -kinetic / speed
                 factor = 1.0 - by_speed
     if wet:
-        left, slope = wet_factor(laws, row, dv_n), -laws[row, WET]
+        left, slope = _wet_factor(laws, row, dv_n, mode), -laws[row, WET]
         if laws[row, WET_FORM] == EXPONENTIAL:
             slope *= left
         elif left == 0.0:
@@ -294,7 +310,7 @@ def _write_blocks(pile, first, count, table, k, factor, by_speed, by_normal, sli
 def _write_normal(pile, c, k, last, room, mode):
     """Write the row of contact k for its normal impulse."""
     table = room.table
-    if mode == ALONE:
+    if mode >= ALONE:
         for b in range(last):
             table[3 * k, b] = 1.0 * (b == 3 * k)
     else:
@@ -321,7 +337,7 @@ def _linearise(dry, wet, laws, pile, first, count, room, mode):
         if max(dv_n, room.vectors[FORCE, k]) > 0.0:
             slip = _slip_without(pile, c, along)
             factor, by_speed, by_normal = _slopes(dry, wet, laws, pile.ends[c, LAW_ROW],
-                                                  length(slip), dv_n, room.state[MARK, k])
+                                                  length(slip), dv_n, room.state[MARK, k], mode)
             if mode == BOUNDED:
                 by_normal = 0.0
             _write_blocks(pile, first, count, table, k, factor, by_speed, by_normal, slip)
@@ -392,7 +408,7 @@ def slide_at_once(dry, wet, laws, pile, first, count, room, mode):
         As in joint.settle_group; friction is changed, and the velocities of the bodies, and what
         it was is kept in `room`.
     mode : int
-        JOINTLY, BOUNDED or ALONE.
+        JOINTLY, BOUNDED, ALONE or AGAIN.
 
     """
     size, table = 3 * count, room.table

@@ -274,12 +274,17 @@ def can_rest(rules, forces, here, table, poses, courses, holds, t, x):
 
 @kernel
 def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a, slack):
-    """Whether a touched surface that does not hold opens by more than slack at acceleration a."""
+    """
+    Whether a touched surface that does not hold opens by more than slack at acceleration a.
+
+    With a slack below 0 it may as well stay: without any force that slack is 0.
+    """
     if other == holds[0] or other == holds[1] or other == holds[2]:
         return True
     n = normal_at(here, table, poses, courses, other, t, x)
     g, _ = opening(rules, here, table, poses, courses, other, t, x, v, n)
-    return g + dot(n, a) > slack * BALANCED * (length(a) + length(forces.gravity))
+    gap, least = g + dot(n, a), slack * BALANCED * (length(a) + length(forces.gravity))
+    return gap > least or (slack < 0.0 and gap == least)
 
 
 @kernel

@@ -131,7 +131,7 @@ def losses_are_losses(case, run, random):
     those of pairs, where none turns that may press one ball onto another. What presses at once
     does its work on the way from the velocities before all to those after: so a ball may bring
     to another what a collider has taken from it, and what is held, what drag has taken on the way
-    it does not go.
+    it does not go. Balls that slide round each other are lifted by that: `_lift_of_slides`.
 
     Not asked of `single_pass`, `multi_pass` and `symplectic_euler`, which book the error of their
     order there, too. Nor of friction on springs: what they do on the shift that a contact brings
@@ -159,7 +159,8 @@ def losses_are_losses(case, run, random):
         gain = (step.balance.internal + min(step.balance.contact, 0.0)
                 + min(step.balance.drag, 0.0))
         if not ('springs' in case['scene'] or overlap(case, step) or is_driven(case, step)
-                or turns(step) or step.counters['repulsions'] or gain <= limit):
+                or turns(step) or step.counters['repulsions']
+                or gain <= limit + _lift_of_slides(case, step)):
             return f'step {k}: pairs bring {gain:.3g} J'
         if is_still(step) and not np.abs(step.balance.colliders).max(initial=0.0) <= limit:
             return f'step {k}: colliders that stand still work {step.balance.colliders.tolist()} J'

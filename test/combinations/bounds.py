@@ -267,13 +267,16 @@ def _have_room(case, step, i, j):
     Whether two balls can keep apart: not both of infinite mass, and not held from two sides.
 
     They are where two surfaces near those that hang together with them press on these from two
-    sides, or one and a ball of infinite mass, or where one of these starts buried in a collider.
+    sides, or two balls of infinite mass, or one of each, or where one of these starts buried in a
+    collider.
     """
     mass, size, balls = each(case, 'mass', 1.0), each(case, 'radius', 0.0), cluster(
         case, step, (i, j))
     if np.isinf(mass[[i, j]]).all() or _is_press(case, step, balls):
         return False
-    normals = []
+    normals = [_away(step.x[ball] - step.x[heavy]) for heavy in balls if np.isinf(mass[heavy])
+               for ball in balls if np.isfinite(mass[ball]) and np.linalg.norm(
+                   step.x[ball] - step.x[heavy]) < size[heavy] + 1.5 * size[ball]]
     for c, collider in enumerate(step.scene.colliders):
         before, after = step.gaps[c]
         near = [ball for ball in balls if after[ball] < 0.5 * size[ball]]
@@ -283,6 +286,11 @@ def _have_room(case, step, i, j):
         place, turn = step.poses[c]
         normals += [_normal(collider, turn, step.x[ball] - place) for ball in near]
     return all(one @ other > -OPPOSITE for one, other in combinations(normals, 2))
+
+
+def _away(vector):
+    """Return the direction of a vector, 0 without length."""
+    return vector / max(np.linalg.norm(vector), 1e-300)
 
 
 def cluster(case, step, balls):

@@ -31,6 +31,7 @@ SHAPES = ('plane', 'sphere', 'box', 'capsule', 'cylinder')
 # s/m, wet friction of the linear form. It multiplies a velocity by 1 - D dv_N, which the lecture
 # shows to be unstable: more of it, and what comes out is a large number, and no failure.
 LINEAR = 0.01
+HALF_TURN = 1e-6    # least |cos| of half the angle of a turn that has one way round
 TURNS = ([0.0, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0, 0.6, 0.0, 0.8])
 
 
@@ -135,7 +136,26 @@ def draw(seed):
             collider['friction'] = _friction(dice)
     scene['colliders'] = colliders
     case['calls'] = _calls(dice, scene, colliders)
+    if has_half_turn(case):     # from where a collider has been placed
+        case['calls'] = [call for call in case['calls'] if 'place' not in call]
     return _plain(case)
+
+
+def has_half_turn(case):
+    """
+    Say whether a collider is moved by half a turn in a step.
+
+    Two ways round are as long then, and which one it takes is rounding: there is no answer to it.
+    """
+    turns = {collider['name']: collider.get('orientation', TURNS[0])
+             for collider in case['scene'].get('colliders', ())}
+    for one in case['calls']:
+        for name, value in one.items():
+            for collider, (_, turn) in (value.items() if name in ('move', 'place') else ()):
+                if name == 'move' and abs(np.dot(turns.get(collider, turn), turn)) < HALF_TURN:
+                    return True
+                turns[collider] = turn
+    return False
 
 
 def _plain(value):

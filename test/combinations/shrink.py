@@ -25,6 +25,7 @@ import time
 from cases import calls, particles
 from checks import examine, RUNS
 import numpy as np
+from scenes import has_half_turn
 from untouched import some_particles
 
 DROPPED = ('drag', 'restitution', 'friction', 'springs', 'pairs', 'gravity')
@@ -73,7 +74,9 @@ def shrink(case, name, seed, seconds):
 
 
 def _said(case, name, seed):
-    """Ask a check of a case; None where it holds or the scene is not accepted."""
+    """Ask a check of a case; None where it holds, or the scene is not accepted or not drawn."""
+    if has_half_turn(case):
+        return None
     return (examine(case, seed, [] if name == RUNS else [name]) or {}).get(name)
 
 

@@ -225,7 +225,8 @@ def own_mirror_image(case, run, random):
 
     The colliders, too, are in pairs, or across. No nudge is asked for here:
     whatever happens, happens to both sides alike. Who starts inside, as far from two faces, has to
-    take one of them, and those on the plane that balance on an edge.
+    take one of them, and those on the plane that balance on an edge. Balls with the same centre
+    and velocity part along x (core/pairs.py): twins change places in the mirror, others cannot.
     """
     scene = case['scene']
     if acts(case, 'move') or acts(case, 'place') or acts(case, 'set') or 'drag' in scene \
@@ -236,6 +237,7 @@ def own_mirror_image(case, run, random):
         flip[axis] = -1.0
         partner = _mirrored_particles(case, flip)
         if partner is None or not _mirrors_colliders(scene.get('colliders', ()), flip) \
+                or axis == 0 and 'pairs' in scene and _has_unlike_twins(case) \
                 or scene.get('gravity', [0.0, 0.0, -9.81])[axis] != 0.0:
             continue
         for k, step in enumerate(run):
@@ -261,6 +263,15 @@ def _mirrored_particles(case, flip):
             return None
         partner.append(same)
     return partner
+
+
+def _has_unlike_twins(case):
+    """Whether particles of other masses or radii start at one place with one velocity."""
+    position = np.array(case['scene']['particles']['position'], dtype=float).reshape(-1, 3)
+    velocity = np.broadcast_to(case['scene']['particles'].get('velocity', 0.0), position.shape)
+    start = np.hstack([position, velocity])
+    matter = np.column_stack([start, each(case, 'mass', 1.0), each(case, 'radius', 0.0)])
+    return len(np.unique(matter, axis=0)) > len(np.unique(start, axis=0))
 
 
 def _mirrors_colliders(colliders, flip):
