@@ -33,8 +33,7 @@ from collision_sim.core.shapes import Present
 from collision_sim.kinematics import Kinematics
 from collision_sim.processes import start
 from collision_sim.simulation import Simulation
-from collision_sim.tables import acting_forces, collider_table, step_rules
-from numba import typeof
+from collision_sim.tables import collider_table, step_rules
 from numba.core import event
 
 NAME = 'warm_up'        # of the threads
@@ -42,10 +41,9 @@ LONG = 1.0              # s; to load takes a quarter of it, to compile many time
 
 
 def variant(scene):
-    """Give what of a scene decides which kernels take its steps; compares and hashes."""
-    exact = scene.stepping.method == 'exact'
-    return (typeof(step_rules(scene, collider_table(scene), Present())),
-            typeof(acting_forces(scene)) if exact else None)
+    """Return what of a scene decides which kernels take its steps; compares and hashes."""
+    rules = step_rules(scene, collider_table(scene), Present())
+    return scene.stepping.method == 'exact', rules.sweep, rules.second
 
 
 class WarmUp:
