@@ -179,7 +179,7 @@ class Simulation:
 
     def __getstate__(self):
         """Give what a copy goes on from; threads are not taken along."""
-        return {**vars(self), '_crew': None, '_planned': None}
+        return {**vars(self), '_crew': None, '_planned': None, '_opened': False}
 
     def __setstate__(self, state):
         vars(self).update(state)

@@ -25,6 +25,7 @@ from collision_sim.core.laws import WET_FORMS
 from collision_sim.core.mesh import NO_MESHES
 from collision_sim.core.mesh_build import joined, mesh_arrays
 from collision_sim.core.motion import SCRIPT
+from collision_sim.core.reference import refer
 from collision_sim.core.rotation import rotated_frames
 from collision_sim.core.rules import Rules
 from collision_sim.core.shapes import COLUMNS, KIND, PLANE, RESTITUTION, SHAPES, SIZE
@@ -67,11 +68,11 @@ def mesh_tables(scene):
 
 
 def step_rules(scene, table, present):
-    """Say what a step does in this scene, with shapes.Present, as rules.Rules."""
+    """Say what a step does in this scene, with shapes.Present, as rules.Rules by reference."""
     stepping, frictions = scene.stepping, [scene.friction_of(c) for c in scene.colliders]
     flight = flight_coefficients(scene.gravity, scene.drag, stepping.dt, stepping.flight)
     planes = bool((table[:, KIND] == PLANE).any())
-    return Rules(
+    return refer(Rules(
         flight, present, dry=any(f.static is not None for f in frictions),
         wet=any(f.wet is not None for f in frictions),
         sweep=stepping.detection == 'trajectory' or stepping.method == 'exact',
@@ -80,7 +81,7 @@ def step_rules(scene, table, present):
         share=float(stepping.repulsion), highest=float(stepping.repulsion_speed),
         second=stepping.method == 'second_order_contact',
         planes=planes and stepping.method == 'collision_then_contact'
-        and stepping.detection == 'end_of_step')
+        and stepping.detection == 'end_of_step'))
 
 
 def acting_forces(scene):

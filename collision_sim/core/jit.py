@@ -302,7 +302,7 @@ else:
             return types.BaseTuple.from_types(parts, getattr(value, 'instance_class', None))
         plain, numbers = types.unliteral(value), (types.int64, types.float64, types.boolean)
         whole = isinstance(plain, types.Array) and plain.layout == 'C' and plain.mutable
-        if not whole and plain not in numbers:
+        if not whole and plain not in numbers and not getattr(plain, 'refers', False):
             raise TypingError(f'{value} cannot be handed to a function by its address')
         return plain
 

@@ -116,7 +116,7 @@ def open_ledger(rules, table, poses, motion, ledger):
 
 def open_modules(rules, table, poses, motion, accounts, ledger):
     """
-    Open the modules that the steps of a scene need, those that are not open already.
+    Open the modules that the steps of a scene need.
 
     Parameters
     ----------
@@ -125,12 +125,11 @@ def open_modules(rules, table, poses, motion, accounts, ledger):
         As in plan.Parts.
 
     """
-    modules = rules.present.modules
-    if rules.present.meshes.heads.size and not modules[MESH_DISTANCE, 0]:
+    if rules.present.meshes.heads.size:
         open_meshes(rules.present, table, poses, motion)
-    if rules.sweep and not modules[SURVEY_PATH, 0]:
+    if rules.sweep:
         open_paths(rules, table, poses, motion, accounts)
-    if rules.second and not modules[TO_SURFACE, 0]:
+    if rules.second:
         open_second_order(rules, table, poses, motion)
-    if len(ledger.rows) and not modules[BOOK_PASS, 0]:
+    if len(ledger.rows):
         open_ledger(rules, table, poses, motion, ledger)
