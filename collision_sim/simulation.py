@@ -34,6 +34,7 @@ from collision_sim.core.lines import in_lines
 from collision_sim.core.modules import no_modules
 from collision_sim.core.opening import open_modules
 from collision_sim.core.plan import make_plan, Parts
+from collision_sim.core.reference import refer
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS, N_LOGGED,
                                       N_STEP, NONE, NORMAL, NOTES, OF_STEP, POINT)
 from collision_sim.core.shapes import distances, Present
@@ -113,7 +114,7 @@ class Simulation:
                                                  ', or None')
         self._threads = int(threads or numba.get_num_threads())
         self._colliders = Kinematics(scene)
-        self._present = Present(mesh_tables(scene), no_modules())
+        self._present = Present(refer(mesh_tables(scene)), no_modules())
         self._x, self._v = (_laid_in_lines(table.T) for table in (
             scene.particles.position, scene.particles.velocity))
         self._block = self._size_of_blocks(scene)
@@ -145,7 +146,7 @@ class Simulation:
         if self._coupling:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
-        self._ledger = self._books.ledger(scene) if self._books else NO_LEDGER
+        self._ledger = refer(self._books.ledger(scene) if self._books else NO_LEDGER)
         self._planned = None        # for which layout of the colliders there is a crew
         self._opened = False        # whether what these rules need is
         self.scene = scene

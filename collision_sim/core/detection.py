@@ -49,6 +49,13 @@ def distance(rules, here, table, poses, row, c, point):
     return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
 
 
+@kernel
+def _end_at_mesh(rules, here, table, poses, c, x0, x1):
+    return by_address(rules.present.modules, MESH_END, mesh_end, DISTANCE,
+                      (rules.present.meshes, here.answers, table, poses, here.start, here.end, c,
+                       here.radius, x0, x1))
+
+
 @inlined
 def end_distance(rules, here, table, poses, motion, c, x0, x1):
     """
@@ -58,11 +65,8 @@ def end_distance(rules, here, table, poses, motion, c, x0, x1):
     (faces.py). A mesh is met on the way there, too: it can be thinner than a step, and an open one
     has no inside at all.
     """
-    present = rules.present
     if table[c, KIND] == MESH:
-        return by_address(present.modules, MESH_END, mesh_end, DISTANCE,
-                          (present.meshes, here.answers, table, poses, here.start, here.end, c,
-                           here.radius, x0, x1))
+        return _end_at_mesh(rules, here, table, poses, c, x0, x1)
     phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
     if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
         return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
@@ -155,14 +159,18 @@ def _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1):
     return NEVER, n
 
 
+@kernel
+def _depth_in_mesh(rules, here, table, poses, c, x0):
+    return by_address(rules.present.modules, MESH_DEPTH, depth_at, NEVER,
+                      (rules.present.meshes, here.answers, table, poses, here.start, c,
+                       here.radius, x0))
+
+
 @inlined
 def _start_depth(rules, here, table, poses, motion, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
-    present = rules.present
     if table[c, KIND] == MESH:
-        return by_address(present.modules, MESH_DEPTH, depth_at, NEVER,
-                          (present.meshes, here.answers, table, poses, here.start, c, here.radius,
-                           x0))
+        return _depth_in_mesh(rules, here, table, poses, c, x0)
     if has_faces(table, c):
         return _depth_in_faces(rules, here, table, poses, motion, c, x0)
     return -distance(rules, here, table, poses, here.start, c, x0)
@@ -285,9 +293,14 @@ def contact_normal(rules, here, table, poses, c, x0, x1, depth, phi, n):
 
     """
     if rules.second and depth == 0.0:
-        return by_address(rules.present.modules, NORMAL_BETWEEN, normal_between,
-                          (n, False, False), (rules, here, table, poses, c, x0, x1, phi, n))
+        return _known_normal(rules, here, table, poses, c, x0, x1, phi, n)
     return n, False, False
+
+
+@kernel
+def _known_normal(rules, here, table, poses, c, x0, x1, phi, n):
+    return by_address(rules.present.modules, NORMAL_BETWEEN, normal_between, (n, False, False),
+                      (rules, here, table, poses, c, x0, x1, phi, n))
 
 
 @kernel

@@ -131,6 +131,7 @@ def _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius
 def mark_on_way(meshes, sweep, table, poses, motion, step, start, end, radius, x, y, z, new, clear,
                 near):
     """Lower `clear` as `clear_of_meshes`, which calls this by address."""
+    widest_vectors()
     for c in range(table.shape[0]):
         if table[c, KIND] == MESH:
             _touch_mesh(meshes, sweep, table, poses, motion, step, start, end, c, radius, x, y, z,
@@ -167,6 +168,7 @@ def clear_of_meshes(present, sweep, table, poses, motion, step, start, end, radi
 @kernel
 def mark_near_box(meshes, table, poses, start, end, reach, x, y, z, x1, y1, z1, clear, near):
     """Lower `clear` as `clear_of_mesh_boxes`, which calls this by address."""
+    widest_vectors()
     for c in range(table.shape[0]):
         if table[c, KIND] == MESH:
             side = side_of(meshes, table, c)

@@ -33,6 +33,10 @@ if config.DISABLE_JIT:
     def refer(value):
         """Return the value itself, which plain Python hands over just as well."""
         return value
+
+    def refer_here(value):
+        """Return the value itself."""
+        return value
 else:
     class Reference:
         """
@@ -154,6 +158,15 @@ else:
             builder.store(model.as_data(builder, own), place)
             return context.get_dummy_value()
         return types.none(words, value), generate
+
+    @intrinsic
+    def refer_here(typing_context, value):
+        """Return a Reference to a value, for kernels called by the entry that asks for it."""
+        def generate(context, builder, signature, arguments):
+            model = context.data_model_manager[value]
+            own = _unowned(context, builder, value, arguments[0])
+            return cgutils.alloca_once_value(builder, model.as_data(builder, own))
+        return ReferenceType(value)(value), generate
 
     @law
     def _words(value):

@@ -23,7 +23,7 @@ and cylinders lie along z; the solid of a plane is z < 0.
 from math import inf
 from typing import NamedTuple
 
-from collision_sim.core.jit import by_address, formula, inlined
+from collision_sim.core.jit import by_address, formula, inlined, kernel
 from collision_sim.core.mesh import mesh_distance, Meshes, NO_MESHES
 from collision_sim.core.modules import MESH_DISTANCE, no_modules
 from collision_sim.core.vectors import (EPSILON, largest, length, origin, rotate, rotate_back,
@@ -194,7 +194,7 @@ def seam_width(table, c, place):
 
 
 class Present(NamedTuple):
-    """The meshes of a scene, and the addresses of its modules (modules.py)."""
+    """The meshes of a scene, in simulations by reference; addresses of modules (modules.py)."""
 
     meshes: Meshes = NO_MESHES
     modules: np.ndarray = no_modules()
@@ -216,12 +216,17 @@ def local_distance(kind, point, size):
     return inf, (0.0, 0.0, 1.0)
 
 
+@kernel
+def _distance_to_mesh(present, m, point):
+    return by_address(present.modules, MESH_DISTANCE, mesh_distance, DISTANCE,
+                      (present.meshes, m, point))
+
+
 @inlined
 def _distance_in_frame(present, table, c, point):
     """Distance and normal in the frame of collider c, before its side is looked at."""
     if table[c, KIND] == MESH:
-        return by_address(present.modules, MESH_DISTANCE, mesh_distance, DISTANCE,
-                          (present.meshes, int(table[c, SIZE + 1]), point))
+        return _distance_to_mesh(present, int(table[c, SIZE + 1]), point)
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
     return local_distance(table[c, KIND], point, size)
 

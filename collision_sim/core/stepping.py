@@ -33,6 +33,7 @@ from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.nearby import Around, chosen_within, reach_of
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
+from collision_sim.core.reference import refer_here
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, LOG, N_LOGGED
 from collision_sim.core.threads import (AT_END, AT_START, claim, DONE, fetch_add, FIRST, NO_PIECE,
@@ -242,7 +243,8 @@ def step_blocks(job, pieces, steps, row, looks, plan):
         post(job, pieces, steps, row)
     rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
     radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
-    grid, x, v, ledger, candidates = plan.grid, plan.x, plan.v, plan.ledger, plan.candidates
+    grid, candidates = refer_here(plan.grid), refer_here(plan.candidates)
+    x, v, ledger = plan.x, plan.v, plan.ledger
     tile = in_lines(9 * (TILE + APART)).reshape(9, TILE + APART)
     new, scratch, clear, lengths = tile[:6], tile[6], tile[7], tile[8]
     held = in_lines(6 * (BLOCK + APART)).reshape(6, BLOCK + APART)

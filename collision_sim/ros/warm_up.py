@@ -29,11 +29,9 @@ import threading
 import time
 
 from collision_sim.core.pose_table import prepare
-from collision_sim.core.shapes import Present
 from collision_sim.kinematics import Kinematics
 from collision_sim.processes import start
 from collision_sim.simulation import Simulation
-from collision_sim.tables import collider_table, step_rules
 from numba.core import event
 
 NAME = 'warm_up'        # of the threads
@@ -42,8 +40,8 @@ LONG = 1.0              # s; to load takes a quarter of it, to compile many time
 
 def variant(scene):
     """Return what of a scene decides which kernels take its steps; compares and hashes."""
-    rules = step_rules(scene, collider_table(scene), Present())
-    return scene.stepping.method == 'exact', rules.sweep, rules.second
+    method = scene.stepping.method
+    return method == 'exact', method == 'second_order_contact', scene.stepping.detection
 
 
 class WarmUp:
