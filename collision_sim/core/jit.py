@@ -27,6 +27,8 @@ inline whatever an inlined kernel calls, as Numba would, takes five times as lon
 there are meshes, and gains nothing. Measured, a particle that slides on a plane: 720 ns, without
 reference counts 330, with inlining 110. A `counted` kernel makes arrays, so it counts references.
 An entry keeps its kernels to itself, which takes a third off scenes with meshes.
+What only some scenes need is compiled by itself and called by its address (`open_kernel` and
+`by_address`; modules.py).
 NUMBA_DISABLE_JIT=1 turns all of them into plain Python.
 """
 
@@ -324,6 +326,8 @@ else:
 
         Parameters
         ----------
+        typing_context
+            Numba's own; nobody hands it over.
         modules : (M, 2) int64
             Addresses, and what stands for the types that the kernel is compiled for.
         number : int
@@ -362,7 +366,7 @@ else:
 
         Parameters
         ----------
-        modules, number
+        typing_context, modules, number
             As of `open_kernel`.
         function : function
             The kernel; in plain Python it is called, compiled code calls the address.

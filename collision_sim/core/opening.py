@@ -120,8 +120,7 @@ def open_modules(rules, table, poses, motion, accounts, ledger):
 
     Parameters
     ----------
-    rules : rules.Rules
-    table, poses, motion, accounts, ledger
+    rules, table, poses, motion, accounts, ledger
         As in plan.Parts.
 
     """

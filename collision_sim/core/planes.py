@@ -317,6 +317,8 @@ def _answer_chunk(rare, grid, rules, margins, here, table, poses, motion, c, s, 
 def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log, accounts, x, y,
                   z, vx, vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
+    if count == 0:
+        return left
     for i in range(count):
         s[_at(DONE, i)] = 0.0
     _leave_if_near(grid, rules.present, margins, table, poses, here.start, here.end, c, s, count,
