@@ -32,7 +32,7 @@ from collision_sim.core.interrupts import held, hold, let_in, release
 from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.lines import in_lines
 from collision_sim.core.modules import no_modules
-from collision_sim.core.opening import open_modules
+from collision_sim.core.opening import open_meshes, open_modules
 from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.reference import refer
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS, N_LOGGED,
@@ -312,9 +312,10 @@ class Simulation:
 
     def clearance(self):
         """Signed distance from each particle to its nearest collider, (N,) float64 [m]."""
-        self._open()
+        if len(self._present.meshes.heads):
+            open_meshes(self._present, self._table, self._colliders.poses, self._colliders.motion)
         clear = np.full(self._x.shape[1], np.inf)
-        distances(self._rules.present, self._table, self._colliders.now, self._x, clear)
+        distances(self._present, self._table, self._colliders.now, self._x, clear)
         return clear - self.scene.particles.radius
 
     def energy(self):
@@ -457,8 +458,8 @@ class Simulation:
     def _open(self):
         """Open the modules that this scene needs, once its rules are new."""
         if not self._opened:
-            open_modules(self._rules, self._table, self._colliders.poses, self._colliders.motion,
-                         self._accounts, self._ledger)
+            colliders = self._colliders
+            open_modules(self._parts(self._rules, colliders.poses, colliders.motion))
             self._opened = True
 
     def _lay_out_log(self):

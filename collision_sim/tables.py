@@ -81,7 +81,7 @@ def step_rules(scene, table, present):
         share=float(stepping.repulsion), highest=float(stepping.repulsion_speed),
         second=stepping.method == 'second_order_contact',
         planes=planes and stepping.method == 'collision_then_contact'
-        and stepping.detection == 'end_of_step'))
+        and stepping.detection == 'end_of_step' and not scene.pairs and not scene.springs))
 
 
 def acting_forces(scene):
