@@ -134,6 +134,7 @@ def open_modules(parts):
     Parameters
     ----------
     parts : plan.Parts
+        Of a step in this scene.
 
     """
     rules, table, poses, motion = parts.rules, parts.table, parts.poses, parts.motion

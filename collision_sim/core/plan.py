@@ -77,21 +77,26 @@ else:
 
     structref.define_proxy(Plan, PlanType, list(Parts._fields))
 
-    @law
     def make_plan(parts):
         """
-        Keep the parts where compiled code finds them.
+        Keep the parts where compiled code finds them, for as long as anybody has the plan.
 
         Parameters
         ----------
         parts : Parts
-            Of the plan.
+            Of the plan; what is handed over by reference lives no longer than these.
 
         Returns
         -------
         Plan
 
         """
+        plan = _plan_of(parts)
+        plan.parts = parts
+        return plan
+
+    @law
+    def _plan_of(parts):
         return Plan(parts.rules, parts.table, parts.poses, parts.motion, parts.radius, parts.log,
                     parts.accounts, parts.notes, parts.x, parts.v, parts.ledger, parts.candidates,
                     parts.grid, parts.block)
