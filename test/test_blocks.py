@@ -29,9 +29,9 @@ TURN = rotation_matrix(np.array((0.1, 0.2, 0.3, sqrt(1.0 - 0.14))))
 
 
 @njit
-def touching(table, poses, radius, x):
+def touching(present, table, poses, radius, x):
     """Call kernels, which have no entry from Python: who may touch, and how deep all are."""
-    present, all_of = shapes.Present(), np.arange(table.shape[0])
+    all_of = np.arange(table.shape[0])
     count, clear = x.shape[1], np.ones(x.shape[1] + WORD)
     found, distance = np.empty(count, dtype=np.int64), np.empty(count)
     none, nowhere = np.empty(0, dtype=np.int64), (0.0, 0.0, 0.0)
@@ -72,7 +72,8 @@ def test_nobody_inside_is_missed(shape, kind, side, gap, radius):
     """Its sign agrees with the signed distance, or errs towards `may touch`."""
     for scale in (1e-3, 1.0, 1e4):
         table, poses, x = near_surface(shape, kind, side, scale, gap)
-        found, distance = touching(table, poses, np.full(x.shape[1], scale * radius), x)
+        found, distance = touching(shapes.Present(), table, poses,
+                                   np.full(x.shape[1], scale * radius), x)
         assert set(np.flatnonzero(distance < 0.0)) <= set(found)
         assert (np.diff(found) > 0).all()
         if radius == 0.0:       # balls at an edge or a rim may be taken for touching
