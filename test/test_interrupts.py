@@ -277,13 +277,13 @@ def interrupted(compile_here, signature):
     return aside(compile_here, signature)
 
 jit.aside = interrupted
-sim = None
-while sim is None:
+interruptions, before = 0, []
+while not before:
     try:
         sim = scene(sys.argv[1])
+        before = [state(sim)]
     except KeyboardInterrupt:
         pass
-interruptions, before = 0, [state(sim)]
 while sim.time < 60 * sim.dt:
     try:
         sim.step()

@@ -26,7 +26,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from collision_sim.ros import warm_up  # noqa: E402, I100
+from collision_sim.ros import kernels, warm_up  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
 from collision_sim.scene import Scene  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
@@ -234,6 +234,8 @@ def held(drive, monkeypatch):
         return driver
 
     monkeypatch.setattr(warm_up, '_load', wait)
+    # No value needs other kernels as it is: here drag does.
+    monkeypatch.setattr(kernels, 'variant', lambda scene: scene.drag and scene.drag.linear)
     yield make
     released.set()
 
