@@ -165,3 +165,30 @@ def test_kernels_of_an_entry_are_its_own():
     sim = simulate([box((1.0, 2.0, 3.0)), *balls], np.array([[0.0, 0.0, 2.0]]))
     sim.step()
     assert height(sim._rules.present, sim._table, sim._colliders.now, (0.0, 4.0, 5.5)) == 5.0
+
+
+MINE = """
+from typing import NamedTuple
+class Mine(NamedTuple):
+    x: float
+"""
+REFERRED = """
+from collision_sim.core.reference import refer
+{}
+print(refer(value).x)
+"""
+
+
+@pytest.mark.jit
+def test_types_of_another_program_do_not_spoil_the_cache(tmp_path):
+    """The index of a function names the types it is compiled for: a program may not have them."""
+    (tmp_path / 'mine.py').write_text(MINE)
+    root = str(Path(collision_sim.__file__).parents[1])
+    for path, value in ((f'{root}:{tmp_path}', 'from mine import Mine\nvalue = Mine(2.0)'),
+                        (root, 'from typing import NamedTuple\n'
+                               'value = NamedTuple("Other", [("x", float)])(2.0)')):
+        environment = {**os.environ, 'PYTHONPATH': path,
+                       'NUMBA_CACHE_DIR': str(tmp_path / 'cache')}
+        done = subprocess.run([sys.executable, '-c', REFERRED.format(value)], env=environment,
+                              cwd='/', capture_output=True, text=True)
+        assert done.stdout == '2.0\n', done.stderr

@@ -159,7 +159,10 @@ class KernelFiles(IndexDataCacheFile):
         except OSError:
             return None
         digest, content = stored[:DIGEST], stored[DIGEST:]
-        return pickle.loads(content) if sha256(content).digest() == digest else None
+        if sha256(content).digest() == digest:
+            with suppress(Exception):       # of a type that only another program knows
+                return pickle.loads(content)
+        return None
 
 
 class KernelCache(FunctionCache):
