@@ -164,9 +164,10 @@ class Coupling:
         """Lay out candidates with springs, from the velocities after the collision stage."""
         flight, x, v = parts.rules.flight, parts.x, parts.v
         going, done = CHECKS if parts.rules.checks and len(parts.table) else 0, False
-        silent = parts.ledger._replace(rows=NO_LEDGER.rows)
+        booked = len(parts.ledger.rows) > 0
+        silent = parts.ledger._replace(rows=NO_LEDGER.rows) if booked else parts.ledger
         while going and not done:
             self._solver.step(flight, silent, x, v, self._candidates, threads)
             going, done = going - 1, not self._strike(parts, threads)
-        if len(parts.ledger.rows) or not done:
+        if booked or not done:
             self._solver.step(flight, parts.ledger, x, v, self._candidates, threads)

@@ -221,8 +221,7 @@ def deepest(rules, here, table, poses, motion, x0, x1):
     c, phi, n, blur = NONE, 0.0, (0.0, 0.0, 1.0), 0.0
     for m in range(here.chosen.shape[0]):
         k = here.chosen[m]
-        phi_k, n_k = end_distance(rules, here, table, poses, motion, k, x0,
-                                  x1)
+        phi_k, n_k = end_distance(rules, here, table, poses, motion, k, x0, x1)
         if phi_k < 0.0:
             rounding = rounding_depth(here, table, poses, k, x0)
             first = phi_k < phi
@@ -428,8 +427,7 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
         inside, collision = 1, NOTHING
         blur = rounding_depth(here, table, poses, k, x0)
         depth = starts_inside(rules, here, table, poses, motion, k, x0)
-        n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth,
-                                     phi_k, n)
+        n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi_k, n)
         if collides and depth == 0.0:
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
                                       n, stays)
@@ -463,8 +461,7 @@ def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
         blur = rounding_depth(here, table, poses, k, x0)
         if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
                 rules, here, table, poses, motion, k, x0) == 0.0:
-            n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, 0.0,
-                                         phi, n)
+            n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, 0.0, phi, n)
             collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
                                       stays)
             first = phi < deep
@@ -520,8 +517,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
-    n, stays, touches = contact_normal(rules, here, table, poses, k, x0, x1, depth,
-                                       phi, n_end)
+    n, stays, touches = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi, n_end)
     if stays and touches:
         face = face_below(table, poses, here.start, k, x0, n)
         if face != NONE:
@@ -532,8 +528,7 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
     if _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
         return NEVER, n_end, arm, False, phi
-    tau, n, arm, decided = path_hit(rules, here, table, poses, motion, k, x0,
-                                    x1)
+    tau, n, arm, decided = path_hit(rules, here, table, poses, motion, k, x0, x1)
     if tau > 1.0 and phi < 0.0:
         tau, n = _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n)
     accounts[here.block, N_UNDECIDED] += not decided
@@ -712,8 +707,7 @@ def foremost(rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
 
 
 @inlined
-def _tied(rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0,
-          u):
+def _tied(rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0, u):
     """Return the Touch of collider k if it is met at time tau, and as deep as phi; or NOTHING."""
     other, tau_k, phi_k = _meeting(rules, here, table, poses, motion, accounts, k, x0, x1,
                                    v0, u, touch.hit)
@@ -724,8 +718,7 @@ def _tied(rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur,
 
 
 @kernel
-def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u,
-               first):
+def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u, first):
     """
     Find the next collider that a particle meets just like that of a touch: as deep, and as fast.
 
@@ -785,8 +778,7 @@ def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0,
         Between the least and the largest restitution.
 
     """
-    two, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
-                        v0, u, 0)
+    two, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u, 0)
     push, other, more = to_units(touch.normal), two, False
     least = most = table[touch.collider, RESTITUTION]
     while other.collider != NONE:

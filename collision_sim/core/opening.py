@@ -28,9 +28,7 @@ from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh
 from collision_sim.core.modules import (BLOCKER, BOOK_PASS, BOOK_TWO, MEETING_ON_PATH,
                                         MESH_BOXES, MESH_DEPTH, MESH_DISTANCE, MESH_END, MESH_GAP,
                                         MESH_HIT, MESH_WAY, MESHES_ON_WAY, NORMAL_BETWEEN,
-                                        PLANES, SURVEY_PATH, TO_BOTH_SURFACES, TO_SURFACE)
-from collision_sim.core.planes import answer_planes
-from collision_sim.core.reference import refer_here
+                                        SURVEY_PATH, TO_BOTH_SURFACES, TO_SURFACE)
 from collision_sim.core.rules import Here, NOTHING
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import DISTANCE
@@ -117,17 +115,6 @@ def open_ledger(rules, table, poses, motion, ledger):
         ledger, rules, here, table, NOTHING, NOTHING, at, at, at, at, at, at, r, i, flag))
 
 
-@entry
-def open_planes(rules, table, poses, motion, grid, log, accounts):
-    """Open what answers many at a time; `grid` and `log` as in plan.Parts, others as above."""
-    modules, i, r = rules.present.modules, 0, 0.0
-    chosen, row = np.empty(0, dtype=np.int64), np.empty(0)
-    here = Here(i, i, i, i, i, r, chosen, table, chosen)
-    open_kernel(modules, PLANES, answer_planes, i, (
-        refer_here(grid), rules, row, here, table, poses, motion, row, log, accounts, i, row, row,
-        row, row, row, row, row, row, row, chosen, chosen, table, chosen, i))
-
-
 def open_modules(parts):
     """
     Open the modules that the steps of a scene need.
@@ -147,5 +134,3 @@ def open_modules(parts):
         open_second_order(rules, table, poses, motion)
     if len(parts.ledger.rows):
         open_ledger(rules, table, poses, motion, parts.ledger)
-    if rules.planes:
-        open_planes(rules, table, poses, motion, parts.grid, parts.log, parts.accounts)

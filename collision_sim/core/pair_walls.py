@@ -333,8 +333,7 @@ def _deepest_wall(stage, here, x0, x1):
     c, deepest, normal = NONE, 0.0, (0.0, 0.0, 1.0)
     for k in range(stage.table.shape[0]):
         stage.walls.one[0] = k
-        gap, n = end_distance(stage.rules, here, stage.table,
-                              stage.poses, stage.motion, k, x0, x1)
+        gap, n = end_distance(stage.rules, here, stage.table, stage.poses, stage.motion, k, x0, x1)
         if gap < deepest or (c != NONE and gap == deepest and stands_first(
                 stage.table, stage.poses, here.end, k, n, c, normal)):
             c, deepest, normal = k, gap, n

@@ -190,8 +190,7 @@ def _gap_on_way(stage, here, c, x0, x1, gap, n):
     rules, poses, motion, dt = stage.rules, stage.poses, stage.motion, stage.rules.flight.dt
     if starts_inside(rules, here, stage.table, poses, motion, c, x0) > 0.0:
         return gap, n
-    tau, n_hit, _, _ = path_hit(rules, here, stage.table, poses, motion, c,
-                                x0, x1)
+    tau, n_hit, _, _ = path_hit(rules, here, stage.table, poses, motion, c, x0, x1)
     if 0.0 < tau <= 1.0:
         obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
         way = subtract(subtract(x1, x0), scaled(dt, obj))
@@ -213,8 +212,7 @@ def _find_supports(stage, here, x0):
             way = length(subtract(path, subtract(origin(stage.poses, here.end, c),
                                                  origin(stage.poses, here.start, c))))
         reach = SUPPORT_REACH * here.radius + way
-        gap, n = end_gap(rules, here, stage.table, stage.poses,
-                         stage.motion, c, reach, x0, x1)
+        gap, n = end_gap(rules, here, stage.table, stage.poses, stage.motion, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
             if rules.sweep:
                 gap, n = _gap_on_way(stage, here, c, x0, x1, gap, n)

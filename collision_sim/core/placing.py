@@ -127,8 +127,7 @@ def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
         if carrier != NONE:
             place = _carried(rules, here, table, poses, motion, carrier, x0)
             place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
-            if inside == NONE and blocker(rules, here, table, poses, motion, x0,
-                                          place) == NONE:
+            if inside == NONE and blocker(rules, here, table, poses, motion, x0, place) == NONE:
                 w = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
                 return place, w, carrier
     note_unplaced(here, accounts, notes, c, other)

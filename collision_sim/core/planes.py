@@ -349,7 +349,7 @@ def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, lo
     return left
 
 
-@kernel
+@inlined
 def answer_planes(grid, rules, margins, here, table, poses, motion, radius, log, accounts, first,
                   x, y, z, vx, vy, vz, s, clear, cells, chosen, touching, held, unanswered, count):
     """

@@ -543,8 +543,7 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
             u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
                          u, w, elastic, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
-            same = is_same_surface(table, touch.collider, touch.normal,
-                                   last.collider, last.normal)
+            same = is_same_surface(table, touch.collider, touch.normal, last.collider, last.normal)
             other = other if same else last
             last, passes = touch, passes + 1
     joined = passes == 2 and are_both_kept(other, last)

@@ -25,12 +25,11 @@ from collision_sim.core.blocks import (clear_if_finite, clear_of_others, collect
                                        take, TILE)
 from collision_sim.core.broad_phase import most_move, radius_at
 from collision_sim.core.candidates import candidate_of, fly_or_take, is_lean
-from collision_sim.core.jit import by_address, entry, inlined, prefetch, widest_vectors
+from collision_sim.core.jit import entry, inlined, prefetch, widest_vectors
 from collision_sim.core.ledger import is_kept
 from collision_sim.core.lines import in_lines, LINE
 from collision_sim.core.mesh_blocks import clear_of_meshes
 from collision_sim.core.mesh_way import keep_answers
-from collision_sim.core.modules import PLANES
 from collision_sim.core.nearby import Around, chosen_within, reach_of
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
@@ -119,10 +118,9 @@ def _answer_together(ledger, candidates, grid, rules, margins, here, table, pose
         unanswered[k] = k
     if (count >= TOGETHER and rules.planes and not is_kept(ledger)
             and candidates.settled.shape[0] == 0):
-        return by_address(rules.present.modules, PLANES, answer_planes, 0,
-                          (grid, rules, margins, here, table, poses, motion, radius, log, accounts,
-                           first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen, touching, held,
-                           unanswered, count))
+        return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
+                             accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
+                             touching, held, unanswered, count)
     return count
 
 

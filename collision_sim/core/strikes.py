@@ -46,8 +46,7 @@ def _strike_block(rules, everyone, answers, block, table, poses, motion, radius,
         x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
         mean = (u[0, i], u[1, i], u[2, i])
         x1 = add_scaled(x0, rules.flight.dt, mean)
-        touch, inside = detect(rules, here, table, poses, motion, accounts, x0, x1,
-                               v0, mean, True)
+        touch, inside = detect(rules, here, table, poses, motion, accounts, x0, x1, v0, mean, True)
         if inside > 1:
             touch, _, _, _ = foremost(rules, here, table, poses, motion, accounts,
                                       touch, x0, x1, v0, mean)
