@@ -212,17 +212,23 @@ def _normal(collider, turn, place):
 
 
 def inner_room(collider):
-    """Radius [m] of the largest ball inside a collider; infinite where particles are outside."""
-    if not collider.inside or collider.shape in ('plane', 'mesh'):
+    """
+    Radius [m] of the largest ball inside a collider; infinite where particles are outside.
+
+    Of a mesh: of the largest one in the box around it, at least.
+    """
+    if not collider.inside or collider.shape == 'plane':
         return np.inf
+    if collider.shape == 'mesh':
+        return 0.5 * np.ptp(collider.mesh.vertices, axis=0).min()
     if collider.shape in ('sphere', 'capsule'):
         return collider.size[0]
     return min(half for half in collider.size if half > 0.0)
 
 
 def has_no_place(case, step):
-    """Whether a particle starts inside a collider whose cavity is too small for it."""
-    return any((step.gaps[c][0][each(case, 'radius', 0.0) > inner_room(collider)] < 0.0).any()
+    """Whether a particle starts inside a collider whose cavity it fills, or that is too small."""
+    return any((step.gaps[c][0][each(case, 'radius', 0.0) >= inner_room(collider)] < 0.0).any()
                for c, collider in enumerate(step.scene.colliders))
 
 
@@ -231,7 +237,8 @@ def balls_keep_apart(case, run, random):
     Balls that do not overlap do not come to overlap by more than 1 % of the smaller radius.
 
     And none goes through another one: with `trajectory` their centres pass each other at no less
-    than nine tenths of the sum of the radii, on the relative chord of a step. Balls that hang
+    than nine tenths of the sum of the radii, on the relative chord of a step, which is their way
+    unless they are thrown to and fro in it. Balls that hang
     together and that colliders press on from two sides have no other place. Nothing that
     a ball does moves one of infinite mass: two of these do not collide, and a collider that pushes
     one pushes it through others.
@@ -242,6 +249,7 @@ def balls_keep_apart(case, run, random):
     for k, step in enumerate(run):
         if is_excused(step):
             continue
+        hits = step.counters['collisions'] + step.counters['pair_collisions']
         for i in range(len(radius)):
             for j in range(i):
                 if not (radius[i] > 0.0 and radius[j] > 0.0):
@@ -253,7 +261,7 @@ def balls_keep_apart(case, run, random):
                 overlap, problem = together - np.linalg.norm(after), None
                 if overlap > 1.5 * OVERLAP * least:
                     problem = f'come to overlap by {overlap / least:.3g} of the radius'
-                elif stepping(case, 'detection', '') == 'trajectory':
+                elif stepping(case, 'detection', '') == 'trajectory' and hits <= 2 * len(radius):
                     way = after - before
                     tau = np.clip(-(before @ way) / max(way @ way, 1e-300), 0.0, 1.0)
                     if np.linalg.norm(before + tau * way) < 0.9 * together:

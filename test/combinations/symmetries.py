@@ -17,8 +17,8 @@ Checks 4: mirror images, other axes, other frames and other units give the same,
 
 Each plays a case that is turned, mirrored, carried along or measured in other units, and turns,
 mirrors, ... the answer back. Rounding is amplified by each collision, at a corner beyond all
-bounds; so steps are compared only as long as the run itself is steady: as a run from a place and
-a velocity that are 1e-10 off stays close, and as long as all could be placed: who could not goes
+bounds; so steps are compared only as long as the run itself is steady: as a run whose start and
+colliders are 1e-10 off stays close, and as long as all could be placed: who could not goes
 along with one of the colliders that hold it, where a press has closed to rounding; and no ball
 starts in a cavity that is too small for it, where there is no place. What the scene itself
 makes a knife edge, such as a ball that falls on an edge, is left out by that; `own_mirror_image`
@@ -28,7 +28,7 @@ is for those that are symmetric.
 import copy
 
 from bounds import has_no_place, is_excused
-from cases import acts, calls, changed, each, particles, play, single_steps
+from cases import acts, calls, each, particles, play, single_steps
 import numpy as np
 from scenes import product_of
 
@@ -64,10 +64,11 @@ def apart(run, others, back=lambda x, v, time: (x, v)):
 
 def nudges(case, random, count):
     """
-    Give so many cases, an even number, from places and velocities that are a little off.
+    Give so many cases, an even number, that start a little off: particles and colliders.
 
     Each is off as far as one before it, to the other side: so on a knife edge, such as a collider
-    that comes as far as a particle, one of both falls to each side of it.
+    that comes as far as a particle, or a ball that just fits between two, one of both falls to
+    each side of it.
     """
     for _ in range(count // 2):
         state = random.bit_generator.state
@@ -77,12 +78,27 @@ def nudges(case, random, count):
 
 
 def _nudged(case, random, most):
-    section = dict(case['scene']['particles'])
+    """Give a case whose places, velocities and radii are up to `most` off, and colliders'."""
+    case = copy.deepcopy(case)
+    scene, off = case['scene'], {}
+    found, count = scene['particles'], particles(case)
     for key in ('position', 'velocity'):
-        value = np.broadcast_to(np.array(section.get(key, (0.0, 0.0, 0.0)), dtype=float),
-                                (particles(case), 3))
-        section[key] = (value + most * random.uniform(-1.0, 1.0, value.shape)).tolist()
-    return changed(case, particles=section)
+        value = np.broadcast_to(np.array(found.get(key, (0.0, 0.0, 0.0)), dtype=float), (count, 3))
+        found[key] = (value + most * random.uniform(-1.0, 1.0, value.shape)).tolist()
+    radius = each(case, 'radius', 0.0)
+    if radius.any():
+        found['radius'] = (radius + most * (radius > 0.0)
+                           * random.uniform(-1.0, 1.0, count)).tolist()
+    for collider in scene.get('colliders', ()):
+        off[collider['name']] = most * random.uniform(-1.0, 1.0, 3)
+        key = 'point' if collider['shape'] == 'plane' else 'position'
+        collider[key] = (np.array(collider.get(key, (0.0, 0.0, 0.0)), dtype=float)
+                         + off[collider['name']]).tolist()
+    for name, value in calls(case):
+        if name in ('move', 'place'):
+            for key, (place, turn) in value.items():
+                value[key] = [(np.array(place, dtype=float) + off[key]).tolist(), turn]
+    return case
 
 
 def compare(case, run, others, back, random):
@@ -98,7 +114,7 @@ def compare(case, run, others, back, random):
         return None
     for other in nudges(case, random, 4):
         unsteady = apart(run, play(other))
-        if not max(unsteady[:bad[0] + 1]) <= AMPLIFIED * NUDGE:
+        if not max(unsteady[:bad[0] + 1]) <= AMPLIFIED * NUDGE or unsteady[bad[0]] >= gaps[bad[0]]:
             return None
     k = bad[0]
     time = (k + 1) * run[k].scene.stepping.dt
