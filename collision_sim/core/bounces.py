@@ -31,7 +31,11 @@ import numpy as np
 
 @kernel
 def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone, answers):
-    """Whether particle i ends inside a collider that it approaches at the start of the step."""
+    """
+    Whether particle i ends inside a collider that it approaches at the start of the step.
+
+    With sweeps it has met a face on the way, perhaps another one than that it leaves at the end.
+    """
     here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], everyone, answers,
                 everyone[:0])
     x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
@@ -41,7 +45,8 @@ def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone,
         if gap < 0.0:
             obj = point_velocity(motion, poses, 0, START, 0, c, x0)
             least = ROUNDING * (largest(velocity) + largest(obj) + largest(u))
-            if dot(n, subtract(velocity, obj)) < -least:
+            v_n = dot(n, subtract(velocity, obj))
+            if v_n < -least or (rules.sweep and v_n > least):
                 return True
     return False
 

@@ -252,7 +252,8 @@ def own_mirror_image(case, run, random):
         flip = np.ones(3)
         flip[axis] = -1.0
         partner = _mirrored_particles(case, flip)
-        if partner is None or not _mirrors_colliders(scene.get('colliders', ()), flip) \
+        if partner is None or _starts_between_faces(run, partner) \
+                or not _mirrors_colliders(scene.get('colliders', ()), flip) \
                 or axis == 0 and 'pairs' in scene and _has_unlike_twins(case) \
                 or scene.get('gravity', [0.0, 0.0, -9.81])[axis] != 0.0:
             continue
@@ -279,6 +280,12 @@ def _mirrored_particles(case, flip):
             return None
         partner.append(same)
     return partner
+
+
+def _starts_between_faces(run, partner):
+    """Whether a particle on the plane of the mirror starts inside a collider."""
+    alone = [i for i, others in enumerate(partner) if i in others]
+    return bool(run and (run[0].gaps[:, 0, alone] < -1e-9).any())
 
 
 def _has_unlike_twins(case):
