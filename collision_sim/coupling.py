@@ -22,7 +22,7 @@ core/pairs.py.
 from collision_sim.core.candidates import make_candidates
 from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.motion import subdivide
-from collision_sim.core.plan import make_plan
+from collision_sim.core.reference import refer
 from collision_sim.core.rules import CHECKS, N_COLLISION, N_LOGGED, N_ROWS, N_STEP
 from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import step_blocks
@@ -52,14 +52,15 @@ class Coupling:
 
     def __init__(self, scene):
         self._candidates = make_candidates(len(scene.particles.position))
-        self._solver = self._parts = None
+        self._referred = refer(self._candidates)
+        self._solver = self._world = None
         self._pairs = PairSolver(scene) if scene.pairs else None
         self._substeps_done = 0
         self.adopt(scene)
 
     def __getstate__(self):
         """Give what a copy goes on from; threads are not taken along."""
-        return {**vars(self), '_crew': None, '_parts': None}
+        return {**vars(self), '_crew': None, '_world': None}
 
     def adopt(self, scene):
         """Take a scene whose values may differ from those of the scene before."""
@@ -69,13 +70,13 @@ class Coupling:
             solver = ImplicitSprings if scene.springs.solver == 'implicit' else ExplicitSprings
             self._solver = solver(scene)
 
-    def step(self, parts, row, threads):
+    def step(self, world, row, threads):
         """
         Take the particles through a step that is laid out, or, where that is interrupted, not.
 
         Parameters
         ----------
-        parts : plan.Parts
+        world : world.World
             With the poses of all steps.
         row : int
             Row of the poses at its start.
@@ -83,28 +84,29 @@ class Coupling:
             Most threads to use.
 
         """
-        before = self._what_changes(parts)
+        before = self._what_changes(world)
         kept = [table.copy() for table in before]
         try:
-            for poses, motion in self._substeps(parts.poses, parts.motion, row):
-                self._substep(parts._replace(poses=poses, motion=motion), threads)
+            for poses, motion in self._substeps(world.poses, world.motion, row):
+                self._substep(world._replace(poses=poses, motion=motion,
+                                             candidates=self._referred), threads)
         except BaseException:
             for table, old in zip(before, kept):
                 table[:] = old
             raise
 
-    def _what_changes(self, parts):
+    def _what_changes(self, world):
         """
         Give what an interrupted step may have changed.
 
         Interrupts come while something is compiled, and before the first substep changes places
         and velocities all that it needs has been.
         """
-        changing = [parts.accounts, parts.notes]
-        if len(parts.ledger.rows):
-            changing.append(parts.ledger.rows)
+        changing = [world.accounts, world.notes]
+        if len(world.ledger.rows):
+            changing.append(world.ledger.rows)
         if self.parts > 1:
-            changing += [parts.x, parts.v]
+            changing += [world.x, world.v]
         return changing
 
     def _substeps(self, poses, motion, row):
@@ -115,36 +117,33 @@ class Coupling:
         cut, turns = subdivide(poses[row:row + 2], motion[row:row + 1], self.parts)
         yield from ((cut[k:k + 2], turns[k:k + 1]) for k in range(self.parts))
 
-    def _substep(self, parts, threads):
+    def _substep(self, world, threads):
         """Take one substep: candidates by springs and pairs, and then the colliders."""
-        crew = self._crew_for(parts)
+        crew = self._crew_for(world)
         self._substeps_done += 1
-        rows = parts.log.shape[1] // parts.block
-        parts.accounts[:, [N_LOGGED, N_ROWS, N_STEP]] = 0, rows, self._substeps_done
+        rows = world.log.shape[1] // world.block
+        world.accounts[:, [N_LOGGED, N_ROWS, N_STEP]] = 0, rows, self._substeps_done
         if self._solver:
-            self._stretch(parts, threads)
+            self._stretch(world, threads)
         if self._pairs:
-            self._pairs.step(parts, self._candidates, not self._solver, threads)
-        crew.run(threads if len(parts.accounts) > FEW else 1, len(parts.accounts), 1, 0)
+            self._pairs.step(world, self._candidates, not self._solver, threads)
+        crew.run(threads if len(world.accounts) > FEW else 1, len(world.accounts), 1, 0)
 
-    def _crew_for(self, parts):
-        """Give the crew of a substep; that of the last one, where it works on the same parts."""
-        if self._parts is None or any(a is not b for a, b in zip(parts, self._parts)):
-            crew = Crew(step_blocks, make_plan(parts._replace(candidates=self._candidates)),
-                        stays=False)
+    def _crew_for(self, world):
+        """Give the crew of a substep; that of the last one, where it works on the same world."""
+        if self._world is None or any(a is not b for a, b in zip(world, self._world)):
+            crew = Crew(step_blocks, refer(world), stays=False)
             if not self._prepared:      # before anything changes
                 crew.prepare()
                 self._prepared = True
-            self._crew, self._parts = crew, parts
+            self._crew, self._world = crew, world
         return self._crew
 
-    def _strike(self, parts, threads):
+    def _strike(self, world, threads):
         """Take the collision stage against colliders; whether anybody has collided."""
-        before = parts.accounts[:, N_COLLISION].sum()
-        share(strike_blocks, threads if len(parts.accounts) > FEW else 1, parts.rules, parts.table,
-              parts.poses, parts.motion, parts.radius, parts.log, parts.accounts, parts.ledger,
-              self._candidates, parts.x, parts.v)
-        return parts.accounts[:, N_COLLISION].sum() > before
+        before = world.accounts[:, N_COLLISION].sum()
+        share(strike_blocks, threads if len(world.accounts) > FEW else 1, refer(world))
+        return world.accounts[:, N_COLLISION].sum() > before
 
     def elastic_energy(self, x):
         """Energy in the springs [J], for places (3, N) [m]."""
@@ -160,14 +159,14 @@ class Coupling:
         if self._pairs:
             self._pairs.forget()
 
-    def _stretch(self, parts, threads):
+    def _stretch(self, world, threads):
         """Lay out candidates with springs, from the velocities after the collision stage."""
-        flight, x, v = parts.rules.flight, parts.x, parts.v
-        going, done = CHECKS if parts.rules.checks and len(parts.table) else 0, False
-        booked = len(parts.ledger.rows) > 0
-        silent = parts.ledger._replace(rows=NO_LEDGER.rows) if booked else parts.ledger
+        flight, x, v = world.rules.flight, world.x, world.v
+        going, done = CHECKS if world.rules.checks and len(world.table) else 0, False
+        booked = len(world.ledger.rows) > 0
+        silent = world.ledger._replace(rows=NO_LEDGER.rows) if booked else world.ledger
         while going and not done:
             self._solver.step(flight, silent, x, v, self._candidates, threads)
-            going, done = going - 1, not self._strike(parts, threads)
+            going, done = going - 1, not self._strike(world, threads)
         if booked or not done:
-            self._solver.step(flight, parts.ledger, x, v, self._candidates, threads)
+            self._solver.step(flight, world.ledger, x, v, self._candidates, threads)

@@ -29,6 +29,7 @@ from collision_sim.core.broad_phase import Cover, in_grid, no_grid
 from collision_sim.core.motion import fill_turns, MOTION, POSE, script_poses, START, TURN, TWIST
 from collision_sim.core.moves import (bring_to_unit_norm, CHORD, lay_out_move, MOVE, NONE,
                                       NORM_TOLERANCE, PAST)
+from collision_sim.core.reference import refer
 from collision_sim.core.rotation import quaternions
 from collision_sim.tables import collider_table, frames, pose_rows, scripts
 import numpy as np
@@ -120,8 +121,8 @@ class Kinematics:
     def _renew(self):
         """Note that poses have been laid out anew, and lay out the grid over them."""
         self.laid_out += 1
-        self.grid = self._cover.lay_out(self.poses, self.motion, self._any_moved) \
-            if self._many else no_grid(len(self._indices))
+        self.grid = refer(self._cover.lay_out(self.poses, self.motion, self._any_moved)
+                          if self._many else no_grid(len(self._indices)))
 
     @property
     def _any_moved(self):

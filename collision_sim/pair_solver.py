@@ -30,6 +30,7 @@ from collision_sim.core.pair_memory import Memory
 from collision_sim.core.pair_walls import make_walls, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
+from collision_sim.core.reference import refer
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import prepare, share
@@ -91,35 +92,36 @@ class PairSolver:
         self._bounds[:, LARGEST] = self._base.max(initial=0.0)
         self._many = rules.sweep or bool(np.any(self._base != self._base[:1]))
 
-    def step(self, parts, candidates, flies, threads):
+    def step(self, world, candidates, flies, threads):
         """
         Let pairs change the candidates of a step, and the velocities at its start.
 
         Parameters
         ----------
-        parts : plan.Parts
+        world : world.World
             Of the step.
         candidates : candidates.Candidates
-            Changed.
+            Those that it refers to; changed.
         flies : bool
             Whether they are still to be laid out, as free flights.
         threads : int
             Most threads to use.
 
         """
-        rules, count = parts.rules, len(self._base)
+        rules, count = world.rules, len(self._base)
         candidates.settled[:] = 0
         if count == 0:
             return
         threads = threads if count > FEW * BLOCK else 1
         base = self._base
-        self._sort(rules, parts, candidates, flies, base, threads)
+        self._sort(world, candidates, flies, base, threads)
         pieces = -(-int(self._cells.start[slots_in(self._cells.levels)]) // PIECE)
         self._find(pieces, threads)
-        parts.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
+        world.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        bounces = self._find_bounces(parts, candidates, threads)
+        singly = refer(world._replace(rules=_answered_singly(rules)))
+        bounces = self._find_bounces(singly, threads)
         if pairs == 0 and bounces == 0:
             self.forget()
             return
@@ -128,14 +130,13 @@ class PairSolver:
             self._make_room(2 * needed)
         self._meetings.size[0] = pairs
         stage = Stage(
-            _answered_singly(rules), self._rules, self._matter, self._meetings, self._memory,
-            self._cells, self._moved, self._pile, self._walls, candidates, parts.table,
-            parts.poses, parts.motion, parts.log, parts.accounts, parts.ledger, parts.x, parts.v,
-            np.arange(len(parts.table)), len(parts.poses) > 1, not rules.checks)
+            singly, self._rules, self._matter, self._meetings, self._memory, self._cells,
+            self._moved, self._pile, self._walls, np.arange(len(world.table)),
+            len(world.poses) > 1, not rules.checks)
         self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
-              ends - self._near.count[:pieces], parts.x, parts.v, candidates, self._meetings)
+              ends - self._near.count[:pieces], world.x, world.v, candidates, self._meetings)
         collide_all(stage, self._dry, self._wet, base, self._bounced, self._bounces)
         for again in range(AGAIN):
             work = make_work(self._sweeps, self._rules.slow)
@@ -154,13 +155,11 @@ class PairSolver:
             bound(part, self._meetings, self._bounced, self._bounces)
             self._compiled.add(kind)
 
-    def _find_bounces(self, parts, candidates, threads):
+    def _find_bounces(self, world, threads):
         """Find the particles that end inside a collider; how many there are."""
-        if len(parts.table) == 0:
+        if len(world.table) == 0:
             return 0
-        share(find_bounces, threads, parts.grid, _answered_singly(parts.rules), parts.table,
-              parts.poses, parts.motion, self._matter.radius, parts.x, parts.v,
-              candidates, self._bounced, self._bounces)
+        share(find_bounces, threads, world, self._matter.radius, self._bounced, self._bounces)
         return int(self._bounces[:, 0].sum())
 
     def forget(self):
@@ -184,7 +183,7 @@ class PairSolver:
         for before, now in zip(old[1:4], self._memory[1:4]):
             now[:known] = before[:known]
 
-    def _sort(self, rules, parts, candidates, flies, base, threads):
+    def _sort(self, world, candidates, flies, base, threads):
         """Sort the particles into the grid."""
         if self._cells is None or len(self._cells.counts) != threads or (
                 (self._cells.level is not None) != self._many):
@@ -192,8 +191,8 @@ class PairSolver:
             self._chunk_counts = np.zeros((threads, LEVELS), dtype=np.int64)
             self._moved = make_moved(self._centre, self._extent, len(self._cells.start))
         share(lay_out_cells, threads, np.zeros(2 * PHASES + 1, dtype=np.int64), self._cells,
-              self._chunk_counts, self._bounds, flies, rules.sweep, rules.flight, parts.ledger,
-              base, parts.x, parts.v, candidates, self._centre, self._extent)
+              self._chunk_counts, self._bounds, flies, world.rules.sweep, world.rules.flight,
+              world.ledger, base, world.x, world.v, candidates, self._centre, self._extent)
 
     def _find(self, pieces, threads):
         """Find the pairs that are near each other, with as much room as they need."""

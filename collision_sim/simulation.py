@@ -33,13 +33,13 @@ from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.lines import in_lines
 from collision_sim.core.modules import no_modules
 from collision_sim.core.opening import open_meshes, open_modules
-from collision_sim.core.plan import make_plan, Parts
 from collision_sim.core.reference import refer
 from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONTACTS, N_LOGGED,
                                       N_STEP, NONE, NORMAL, NOTES, OF_STEP, POINT)
 from collision_sim.core.shapes import distances, Present
 from collision_sim.core.stepping import BLOCK, block_size, EVENT_BLOCK, step_blocks
 from collision_sim.core.threads import Crew, share
+from collision_sim.core.world import World
 from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
@@ -147,6 +147,7 @@ class Simulation:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
         self._ledger = refer(self._books.ledger(scene) if self._books else NO_LEDGER)
+        self._nobody = refer(NOBODY)
         self._planned = None        # for which layout of the colliders there is a crew
         self._opened = False        # whether what these rules need is
         self.scene = scene
@@ -442,24 +443,20 @@ class Simulation:
         colliders = self._colliders
         if self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
-            share(step_events, self._threads if len(self._accounts) > 1 else 1, rules,
-                  self._forces, dt, steps, self._table, colliders.poses, colliders.motion,
-                  colliders.courses, self._radius, self._log, self._accounts, self._notes, self._x,
-                  self._v, self._ledger)
+            share(step_events, self._threads if len(self._accounts) > 1 else 1,
+                  refer(self._world(rules)), self._forces, dt, steps, colliders.courses)
         elif self._coupling is not None:
-            self._coupling.step(self._parts(rules, colliders.poses, colliders.motion),
-                                colliders.row, self._threads)
+            self._coupling.step(self._world(rules), colliders.row, self._threads)
         else:
             if self._planned != colliders.laid_out:
-                plan = make_plan(self._parts(rules, colliders.poses, colliders.motion))
-                self._crew, self._planned = Crew(step_blocks, plan), colliders.laid_out
+                self._crew = Crew(step_blocks, refer(self._world(rules)))
+                self._planned = colliders.laid_out
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
 
     def _open(self):
         """Open the modules that this scene needs, once its rules are new."""
         if not self._opened:
-            colliders = self._colliders
-            open_modules(self._parts(self._rules, colliders.poses, colliders.motion))
+            open_modules(self._world(self._rules))
             self._opened = True
 
     def _lay_out_log(self):
@@ -470,11 +467,12 @@ class Simulation:
         self._log, self._logs = np.zeros((len(self._accounts), rows, LOG)), self.record_contacts
         self._planned = None
 
-    def _parts(self, rules, poses, motion):
-        """Give what a plan is made of."""
-        return Parts(rules, self._table, poses, motion, self._radius, self._log, self._accounts,
-                     self._notes, self._x, self._v, self._ledger, NOBODY, self._colliders.grid,
-                     self._block)
+    def _world(self, rules):
+        """Return what the kernels work on in the steps that are laid out."""
+        colliders = self._colliders
+        return World(rules, self._table, colliders.poses, colliders.motion, self._radius,
+                     self._log, self._accounts, self._notes, self._x, self._v, self._ledger,
+                     self._nobody, colliders.grid, self._block)
 
     # ------------------------------------------------------------------ changes from outside
 

@@ -30,20 +30,22 @@ import numpy as np
 
 
 @kernel
-def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone, answers):
+def _bounces(world, radius, i, everyone, answers):
     """
     Whether particle i ends inside a collider that it approaches at the start of the step.
 
     With sweeps it has met a face on the way, perhaps another one than that it leaves at the end.
     """
+    rules, poses = world.rules, world.poses
     here = Here(0, 0, min(1, poses.shape[0] - 1), i // BLOCK, i, radius[i], everyone, answers,
                 everyone[:0])
-    x0, velocity, u = column(x, i), column(v, i), column(candidates.u, i)
+    x0, velocity, u = column(world.x, i), column(world.v, i), column(
+        world.candidates.u, i)
     x1 = add_scaled(x0, rules.flight.dt, u)
-    for c in range(table.shape[0]):
-        gap, n = end_distance(rules, here, table, poses, motion, c, x0, x1)
+    for c in range(world.table.shape[0]):
+        gap, n = end_distance(world, here, c, x0, x1)
         if gap < 0.0:
-            obj = point_velocity(motion, poses, 0, START, 0, c, x0)
+            obj = point_velocity(world.motion, poses, 0, START, 0, c, x0)
             least = ROUNDING * (largest(velocity) + largest(obj) + largest(u))
             v_n = dot(n, subtract(velocity, obj))
             if v_n < -least or (rules.sweep and v_n > least):
@@ -52,11 +54,12 @@ def _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone,
 
 
 @kernel
-def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced,
-                   ends, clear, cells, chosen, touching, everyone, answers, margins):
+def _find_in_block(world, radius, block, bounced, ends, clear, cells, chosen, touching, everyone,
+                   answers, margins):
     """List those of a block that touch a collider; how many there are, and how many bounce."""
+    rules, table, poses, x = world.rules, world.table, world.poses, world.x
     first, last = block * BLOCK, min((block + 1) * BLOCK, x.shape[1])
-    found, bouncing, dt, u = 0, 0, rules.flight.dt, candidates.u
+    found, bouncing, dt, u = 0, 0, rules.flight.dt, world.candidates.u
     for a in range(first, last, TILE):
         b = min(a + TILE, last)
         xt, yt, zt, tile = ends[0, :b - a], ends[1, :b - a], ends[2, :b - a], clear[:b - a]
@@ -65,23 +68,21 @@ def _find_in_block(grid, rules, table, poses, motion, radius, x, v, candidates, 
             yt[k] = x[1, a + k] + dt * u[1, a + k]
             zt[k] = x[2, a + k] + dt * u[2, a + k]
         clear_if_finite(xt, yt, zt, tile)
-        clear_of_others(grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
+        clear_of_others(world.grid, rules.present, table, poses, min(1, poses.shape[0] - 1), NONE,
                         radius[a:b], None, margins, xt, yt, zt, tile, cells, chosen)
-        clear_of_meshes(rules.present, rules.sweep, table, poses, motion, 0, 0,
+        clear_of_meshes(rules.present, rules.sweep, table, poses, world.motion, 0, 0,
                         min(1, poses.shape[0] - 1), radius[a:b], x[0, a:b], x[1, a:b], x[2, a:b],
                         ends, tile, cells)
         for k in range(collect(clear, b - a, touching, 0)):
             i = a + touching[k]
-            bounces = _bounces(rules, table, poses, motion, radius, x, v, candidates, i, everyone,
-                               answers)
+            bounces = _bounces(world, radius, i, everyone, answers)
             bounced[first + found] = i if bounces else -1 - i
             found, bouncing = found + 1, bouncing + bounces
     return found, bouncing
 
 
 @entry
-def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x, v, candidates,
-                 bounced, counts):
+def find_bounces(posted, counters, world, radius, bounced, counts):
     """
     Find the particles whose candidates end inside a collider.
 
@@ -89,19 +90,20 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
     ----------
     posted, counters
         Of threads.share.
-    grid, rules, table, poses, motion
+    world
         As in stepping.step_blocks.
     radius : (N,) float64 [m]
         Of the particles.
-    x, v, candidates
+    x, v
         As in candidates.py.
     bounced, counts : (N,) int64, (blocks, 2) int64
         Written: of each block of particles those that touch a collider, from its first on, and
         how many. Those that do not approach it are written as -1 - i; how many do comes second.
 
     """
+    table = world.table
     clear, cells, ends = in_lines(TILE), in_lines(TILE), np.empty((3, TILE))
-    answers, everyone = keep_answers(rules.present.meshes, table), np.arange(table.shape[0])
+    answers, everyone = keep_answers(world.rules.present.meshes, table), np.arange(table.shape[0])
     margins = np.zeros(table.shape[0])
     chosen, touching = np.empty(table.shape[0], dtype=np.int64), np.empty(BLOCK, dtype=np.int64)
     fetch_add(posted, 0, 1)
@@ -109,7 +111,7 @@ def find_bounces(posted, counters, grid, rules, table, poses, motion, radius, x,
     block = fetch_add(counters, CLAIMED, 1)
     while block < counts.shape[0]:
         counts[block, 0], counts[block, 1] = _find_in_block(
-            grid, rules, table, poses, motion, radius, x, v, candidates, block, bounced, ends,
-            clear, cells, chosen, touching, everyone, answers, margins)
+            world, radius, block, bounced, ends, clear, cells, chosen, touching, everyone, answers,
+            margins)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

@@ -143,7 +143,7 @@ def mean_anew(flight, v, after, u):
 
 
 @inlined
-def fly_anew(candidates, ledger, here, flight, v, after, u, w):
+def fly_anew(world, here, flight, v, after, u, w):
     """
     Mean and end velocity once a collision has changed the velocity at the start of the step.
 
@@ -151,7 +151,7 @@ def fly_anew(candidates, ledger, here, flight, v, after, u, w):
 
     Parameters
     ----------
-    candidates, ledger, here, flight
+    world, here, flight
         As in response.resolve.
     v, after : (3,) tuple of float [m/s]
         Velocity at the start of the step, before and after the collision.
@@ -163,8 +163,9 @@ def fly_anew(candidates, ledger, here, flight, v, after, u, w):
     u, w : (3,) tuple of float [m/s]
 
     """
+    ledger = world.ledger
     u_new, w_new = fly(flight, after)
-    if candidates.settled.shape[0] > 0:
+    if world.candidates.settled.shape[0] > 0:
         u_old, w_old = fly(flight, v)
         du, dw = subtract(u, u_old), subtract(w, w_old)
         book_flight(ledger, here, flight.dt, v, u_old, w_old, -1.0)

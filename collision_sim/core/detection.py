@@ -44,20 +44,22 @@ ENOUGH = 1e-6           # share of the speed of a repulsion that may lack
 
 
 @kernel
-def distance(rules, here, table, poses, row, c, point):
+def distance(world, here, row, c, point):
     """Signed distance [m] of the particle to a collider, with a row of poses."""
+    rules, table, poses = world.rules, world.table, world.poses
     return signed_distance(rules.present, table, poses, row, c, point)[0] - here.radius
 
 
 @kernel
-def _end_at_mesh(rules, here, table, poses, c, x0, x1):
+def _end_at_mesh(world, here, c, x0, x1):
+    rules, table, poses = world.rules, world.table, world.poses
     return by_address(rules.present.modules, MESH_END, mesh_end, DISTANCE,
                       (rules.present.meshes, here.answers, table, poses, here.start, here.end, c,
                        here.radius, x0, x1))
 
 
 @inlined
-def end_distance(rules, here, table, poses, motion, c, x0, x1):
+def end_distance(world, here, c, x0, x1):
     """
     Signed distance [m] of the particle to a collider at the end of the step, and the normal there.
 
@@ -65,18 +67,20 @@ def end_distance(rules, here, table, poses, motion, c, x0, x1):
     (faces.py). A mesh is met on the way there, too: it can be thinner than a step, and an open one
     has no inside at all.
     """
+    table, poses = world.table, world.poses
     if table[c, KIND] == MESH:
-        return _end_at_mesh(rules, here, table, poses, c, x0, x1)
-    phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+        return _end_at_mesh(world, here, c, x0, x1)
+    phi, n = signed_distance(world.rules.present, table, poses, here.end, c, x1)
     if has_faces(table, c) and phi < seam_width(table, c, origin(poses, here.end, c)):
-        return _end_in_faces(rules, here, table, poses, motion, c, x0, x1)
+        return _end_in_faces(world, here, c, x0, x1)
     return phi - here.radius, n
 
 
 @inlined
-def end_gap(rules, here, table, poses, motion, c, reach, x0, x1):
+def end_gap(world, here, c, reach, x0, x1):
     """Give what `end_distance` does, with the gap to a mesh that the particle stays clear of."""
-    gap, n = end_distance(rules, here, table, poses, motion, c, x0, x1)
+    rules, table, poses = world.rules, world.table, world.poses
+    gap, n = end_distance(world, here, c, x0, x1)
     present = rules.present
     if table[c, KIND] == MESH and not gap < 0.0:
         return by_address(present.modules, MESH_GAP, mesh_gap, DISTANCE,
@@ -86,32 +90,34 @@ def end_gap(rules, here, table, poses, motion, c, reach, x0, x1):
 
 
 @kernel
-def _end_in_faces(rules, here, table, poses, motion, c, x0, x1):
+def _end_in_faces(world, here, c, x0, x1):
     """Height and normal as `end_distance`, of a particle whose centre ends inside faces."""
-    rounding = rounding_depth(here, table, poses, c, x0)
-    if _depth_in_faces(rules, here, table, poses, motion, c, x0) > rounding:
-        return nearest_face(rules, here, table, poses, motion, here.end, c, x1)
-    height, n, _ = crossed_face(rules, here, table, poses, motion, c, x0, x1)
+    rounding = rounding_depth(world, here, c, x0)
+    if _depth_in_faces(world, here, c, x0) > rounding:
+        return nearest_face(world, here, here.end, c, x1)
+    height, n, _ = crossed_face(world, here, c, x0, x1)
     return height, n
 
 
 @kernel
-def _depth_in_faces(rules, here, table, poses, motion, c, x0):
+def _depth_in_faces(world, here, c, x0):
     """Depth [m] in a box or a cylinder at the start of the step, below a face that is no seam."""
-    gap = signed_distance(rules.present, table, poses, here.start, c, x0)[0]
+    table, poses = world.table, world.poses
+    gap = signed_distance(world.rules.present, table, poses, here.start, c, x0)[0]
     if gap < seam_width(table, c, origin(poses, here.start, c)):
-        return -nearest_face(rules, here, table, poses, motion, here.start, c, x0)[0]
+        return -nearest_face(world, here, here.start, c, x0)[0]
     return here.radius - gap
 
 
 @inlined
-def path_hit(rules, here, table, poses, motion, c, x0, x1):
+def path_hit(world, here, c, x0, x1):
     """
     First hit on the path as trajectory.first_hit; of a mesh that does not turn, on the way.
 
     A box or a cylinder that is hit where another collider covers it is not, but for a face that
     is crossed and open (faces.py).
     """
+    rules, table, poses, motion = world.rules, world.table, world.poses, world.motion
     dx = subtract(x1, x0)
     move, axis, angle = relative_motion(motion, here.step, c, dx)
     start = subtract(x0, origin(poses, here.start, c))
@@ -124,8 +130,8 @@ def path_hit(rules, here, table, poses, motion, c, x0, x1):
     tau, n, arm, decided = first_hit(rules.present, table, poses, motion, here.step, here.start, c,
                                      here.radius, x0, dx)
     if tau <= 1.0:
-        covered, later, n_later = _hit_when_covered(rules, here, table, poses, motion, c, x0, x1,
-                                                    tau, n, arm, axis, angle)
+        covered, later, n_later = _hit_when_covered(world, here, c, x0, x1, tau, n, arm, axis,
+                                                    angle)
         if covered:
             return later, n_later, add_scaled(start, later, move), decided
     if tau <= 1.0 and only_grazes(rules.present, table, poses, motion, here.step, here.start, c,
@@ -135,45 +141,49 @@ def path_hit(rules, here, table, poses, motion, c, x0, x1):
 
 
 @inlined
-def _hit_when_covered(rules, here, table, poses, motion, c, x0, x1, tau, n, arm, axis, angle):
+def _hit_when_covered(world, here, c, x0, x1, tau, n, arm, axis, angle):
     """Whether a face is covered where it is hit, and the time and the normal of the hit then."""
+    table, poses = world.table, world.poses
     if has_faces(table, c):
         q = rotate_back(poses, here.start, c, turned(axis, -angle * tau, arm))
         m = rotate_back(poses, here.start, c, turned(axis, -angle * tau, n))
         face = face_towards(table, c, m)
-        if is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, False, False) and (
-                not goes_through(table, poses, here, c, face, x0, x1)):
-            later, n_later = _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1)
+        if is_covered(world, here, c, face, q, tau, x0, False, False) and (
+                not goes_through(world, here, c, face, x0, x1)):
+            later, n_later = _hit_on_open_face(world, here, c, x0, x1)
             return True, later, n_later
     return False, tau, n
 
 
 @kernel
-def _hit_on_open_face(rules, here, table, poses, motion, c, x0, x1):
+def _hit_on_open_face(world, here, c, x0, x1):
     """Time and normal at which a face is crossed that answers at the end; NEVER if none does."""
-    gap, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+    table, poses = world.table, world.poses
+    gap, n = signed_distance(world.rules.present, table, poses, here.end, c, x1)
     if gap < seam_width(table, c, origin(poses, here.end, c)):
-        height, n, tau = crossed_face(rules, here, table, poses, motion, c, x0, x1)
+        height, n, tau = crossed_face(world, here, c, x0, x1)
         if height < 0.0:
             return tau, n
     return NEVER, n
 
 
 @kernel
-def _depth_in_mesh(rules, here, table, poses, c, x0):
+def _depth_in_mesh(world, here, c, x0):
+    rules = world.rules
     return by_address(rules.present.modules, MESH_DEPTH, depth_at, NEVER,
-                      (rules.present.meshes, here.answers, table, poses, here.start, c,
+                      (rules.present.meshes, here.answers, world.table, world.poses, here.start, c,
                        here.radius, x0))
 
 
 @inlined
-def _start_depth(rules, here, table, poses, motion, c, x0):
+def _start_depth(world, here, c, x0):
     """Depth [m] of the particle in a collider at the start of the step; negative outside."""
+    table = world.table
     if table[c, KIND] == MESH:
-        return _depth_in_mesh(rules, here, table, poses, c, x0)
+        return _depth_in_mesh(world, here, c, x0)
     if has_faces(table, c):
-        return _depth_in_faces(rules, here, table, poses, motion, c, x0)
-    return -distance(rules, here, table, poses, here.start, c, x0)
+        return _depth_in_faces(world, here, c, x0)
+    return -distance(world, here, here.start, c, x0)
 
 
 @inlined
@@ -185,26 +195,27 @@ def is_same_surface(table, c, n, other, n_other):
 
 
 @inlined
-def rounding_depth(here, table, poses, c, x0):
+def rounding_depth(world, here, c, x0):
     """Distance [m] to a collider at the start of the step that is only rounding."""
+    table, poses = world.table, world.poses
     return ROUNDING * (largest(x0) + largest(origin(poses, here.start, c)) + table[c, SIZE])
 
 
 @inlined
-def starts_inside(rules, here, table, poses, motion, c, x0):
+def starts_inside(world, here, c, x0):
     """Depth [m] at which the particle starts the step inside a collider; 0 if only by rounding."""
-    depth = _start_depth(rules, here, table, poses, motion, c, x0)
-    return depth if depth > rounding_depth(here, table, poses, c, x0) else 0.0
+    depth = _start_depth(world, here, c, x0)
+    return depth if depth > rounding_depth(world, here, c, x0) else 0.0
 
 
 @kernel
-def deepest(rules, here, table, poses, motion, x0, x1):
+def deepest(world, here, x0, x1):
     """
     Collider in which the particle ends deepest, of those it started outside of.
 
     Parameters
     ----------
-    rules, here, table, poses, motion
+    world, here
         As in `resolve`.
     x0, x1 : (3,) tuple of float [m]
         Start and end of the step.
@@ -221,13 +232,13 @@ def deepest(rules, here, table, poses, motion, x0, x1):
     c, phi, n, blur = NONE, 0.0, (0.0, 0.0, 1.0), 0.0
     for m in range(here.chosen.shape[0]):
         k = here.chosen[m]
-        phi_k, n_k = end_distance(rules, here, table, poses, motion, k, x0, x1)
+        phi_k, n_k = end_distance(world, here, k, x0, x1)
         if phi_k < 0.0:
-            rounding = rounding_depth(here, table, poses, k, x0)
+            rounding = rounding_depth(world, here, k, x0)
             first = phi_k < phi
             if c != NONE and abs(phi_k - phi) <= rounding + blur:
-                first = stands_first(table, poses, here.end, k, n_k, c, n)
-            if first and starts_inside(rules, here, table, poses, motion, k, x0) == 0.0:
+                first = stands_first(world.table, world.poses, here.end, k, n_k, c, n)
+            if first and starts_inside(world, here, k, x0) == 0.0:
                 c, phi, n, blur = k, phi_k, n_k, rounding
     return c, phi, n
 
@@ -240,16 +251,16 @@ def approach(v, obj, n):
 
 
 @inlined
-def _rounding_speed(rules, here, table, poses, c, x0, v0, u, obj):
+def _rounding_speed(world, here, c, x0, v0, u, obj):
     """
     Give the normal velocity [m/s] at the start that is only rounding, with second order.
 
     It is left over from larger velocities, and from a normal that is rounded where a small shape
     is far from the origin; a particle that slides there would else collide in every step.
     """
-    if rules.second:
-        size = table[c, SIZE]
-        blur = rounding_depth(here, table, poses, c, x0) / size if size > 0.0 else 0.0
+    if world.rules.second:
+        size = world.table[c, SIZE]
+        blur = rounding_depth(world, here, c, x0) / size if size > 0.0 else 0.0
         return (ROUNDING + blur) * (largest(v0) + largest(u) + largest(obj))
     return 0.0
 
@@ -280,7 +291,7 @@ def mean_approach(rules, depth, n, obj, u):
 
 
 @inlined
-def contact_normal(rules, here, table, poses, c, x0, x1, depth, phi, n):
+def contact_normal(world, here, c, x0, x1, depth, phi, n):
     """
     Return the normal to act along: the one given, at the end, but with contacts of second order.
 
@@ -291,19 +302,20 @@ def contact_normal(rules, here, table, poses, c, x0, x1, depth, phi, n):
         As of `normal_between`.
 
     """
-    if rules.second and depth == 0.0:
-        return _known_normal(rules, here, table, poses, c, x0, x1, phi, n)
+    if world.rules.second and depth == 0.0:
+        return _known_normal(world, here, c, x0, x1, phi, n)
     return n, False, False
 
 
 @kernel
-def _known_normal(rules, here, table, poses, c, x0, x1, phi, n):
+def _known_normal(world, here, c, x0, x1, phi, n):
+    rules = world.rules
     return by_address(rules.present.modules, NORMAL_BETWEEN, normal_between, (n, False, False),
-                      (rules, here, table, poses, c, x0, x1, phi, n))
+                      (world, here, c, x0, x1, phi, n))
 
 
 @kernel
-def normal_between(rules, here, table, poses, c, x0, x1, phi, n):
+def normal_between(world, here, c, x0, x1, phi, n):
     """
     Return the normal to act along with contacts of second order, where that is known.
 
@@ -319,9 +331,10 @@ def normal_between(rules, here, table, poses, c, x0, x1, phi, n):
         touches at the start.
 
     """
-    gap, start = signed_distance(rules.present, table, poses, here.start, c, x0)
+    table, poses = world.table, world.poses
+    gap, start = signed_distance(world.rules.present, table, poses, here.start, c, x0)
     gap -= here.radius
-    rounding = rounding_depth(here, table, poses, c, x0)
+    rounding = rounding_depth(world, here, c, x0)
     touches = gap <= rounding
     face = face_below(table, poses, here.end, c, x1, n)
     if face != NONE and (touches or dot(start, n) > STRAIGHT):
@@ -338,13 +351,14 @@ def normal_between(rules, here, table, poses, c, x0, x1, phi, n):
 
 
 @inlined
-def _acts(rules, here, table, poses, c, x1, phi, stays, v_n, target):
+def _acts(world, here, c, x1, phi, stays, v_n, target):
     """
     Whether the contact stage has to act: on an approach, or a separation that is too slow.
 
     A contact of second order is done with once the particle is on the surface, to rounding: the
     mean velocity along a curved surface approaches it, or leaves it, in between.
     """
+    rules, table, poses = world.rules, world.table, world.poses
     if stays:
         limit = ROUNDING * (largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE])
         return phi < -(limit if v_n == 0.0 else min(limit, -0.5 * rules.flight.dt * v_n))
@@ -352,7 +366,7 @@ def _acts(rules, here, table, poses, c, x1, phi, stays, v_n, target):
 
 
 @kernel
-def _is_left(rules, here, table, poses, motion, press, touch, x0, x1):
+def _is_left(world, here, press, touch, x0, x1):
     """
     Whether a collider is not met any more once a particle is pressed against another.
 
@@ -362,46 +376,47 @@ def _is_left(rules, here, table, poses, motion, press, touch, x0, x1):
     k = touch.collider
     if press.collider == k:
         return False
-    pressed = add_scaled(x1, rules.flight.dt * (press.target - press.v_n), press.normal)
-    before, _ = end_distance(rules, here, table, poses, motion, k, x0, x1)
-    phi, _ = end_distance(rules, here, table, poses, motion, k, x0, pressed)
-    return phi >= max(-rounding_depth(here, table, poses, k, x0), 0.5 * before)
+    pressed = add_scaled(x1, world.rules.flight.dt * (press.target - press.v_n), press.normal)
+    before, _ = end_distance(world, here, k, x0, x1)
+    phi, _ = end_distance(world, here, k, x0, pressed)
+    return phi >= max(-rounding_depth(world, here, k, x0), 0.5 * before)
 
 
 @kernel
-def _is_left_on_path(rules, here, table, poses, motion, press, touch, x0, x1, v0):
+def _is_left_on_path(world, here, press, touch, x0, x1, v0):
     """Whether a collider is not met any more on the path to where `_is_left` looks."""
     k = touch.collider
     if press.collider == k:
         return False
-    pressed = add_scaled(x1, rules.flight.dt * (press.target - press.v_n), press.normal)
-    tau, n, _, _ = path_hit(rules, here, table, poses, motion, k, x0, pressed)
+    pressed = add_scaled(x1, world.rules.flight.dt * (press.target - press.v_n), press.normal)
+    tau, n, _, _ = path_hit(world, here, k, x0, pressed)
     return tau > 1.0 or dot(subtract(v0, touch.obj), n) > 0.5 * touch.v_n
 
 
 @inlined
-def _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n, stays):
+def _collision_at(world, here, k, x0, x1, v0, u, phi, n, stays):
     """Return the Touch of a collision with v0 where the step ends, NOTHING without approach."""
-    obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-    v_n = start_approach(rules.checks, v0, obj, n,
-                         _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj))
+    obj = point_velocity(world.motion, world.poses, here.step, START, here.start, k, x0)
+    v_n = start_approach(world.rules.checks, v0, obj, n,
+                         _rounding_speed(world, here, k, x0, v0, u, obj))
     if v_n < 0.0:
         return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, 0.0, True, stays)
     return NOTHING
 
 
 @inlined
-def _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi, n, stays):
+def _press_at(world, here, k, x0, x1, u, depth, phi, n, stays):
     """Return the Touch of a contact where the step ends, NOTHING where there is none to act on."""
-    obj = chord_velocity(motion, poses, here.step, here.start, k, x0, rules.flight.dt)
+    rules = world.rules
+    obj = chord_velocity(world.motion, world.poses, here.step, here.start, k, x0, rules.flight.dt)
     v_n, target = mean_approach(rules, depth, n, obj, u)
-    if _acts(rules, here, table, poses, k, x1, phi, stays, v_n, target):
+    if _acts(world, here, k, x1, phi, stays, v_n, target):
         return Touch(k, n, obj, add_scaled(x1, -phi, n), v_n, target, False, stays)
     return NOTHING
 
 
 @inlined
-def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
+def survey(world, here, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle ends inside of: the deepest.
 
@@ -421,60 +436,55 @@ def survey(rules, here, table, poses, motion, x0, x1, v0, u, collides):
     hit_blur, press_blur, hit_near, press_near = 0.0, 0.0, False, False
     for m in range(how_many(here)):
         k = nth(here, m)
-        phi_k, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
+        phi_k, n = end_distance(world, here, k, x0, x1)
         if phi_k >= 0.0:
             continue
         inside, collision = 1, NOTHING
-        blur = rounding_depth(here, table, poses, k, x0)
-        depth = starts_inside(rules, here, table, poses, motion, k, x0)
-        n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi_k, n)
+        blur = rounding_depth(world, here, k, x0)
+        depth = starts_inside(world, here, k, x0)
+        n, stays, _ = contact_normal(world, here, k, x0, x1, depth, phi_k, n)
         if collides and depth == 0.0:
-            collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi_k,
-                                      n, stays)
+            collision = _collision_at(world, here, k, x0, x1, v0, u, phi_k, n, stays)
         if collision.hit:
             hit_near = hit_near or (hit.hit and abs(phi_k - deep) <= blur + hit_blur)
             if phi_k < deep:
                 hit, deep, hit_blur = collision, phi_k, blur
         elif phi_k <= phi + blur + press_blur:
-            touch = _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi_k, n,
-                              stays)
+            touch = _press_at(world, here, k, x0, x1, u, depth, phi_k, n, stays)
             if touch.collider != NONE:
                 press_near = press_near or (press.collider != NONE
                                             and abs(phi_k - phi) <= blur + press_blur)
                 if phi_k < phi:
                     press, phi, press_blur = touch, phi_k, blur
     if hit.hit and press.collider != NONE:
-        hit, hit_near = _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0,
-                                     u), False
+        hit, hit_near = _deepest_hit(world, here, press, x0, x1, v0, u), False
     if hit.hit:
         return hit, inside + hit_near
     return press, inside + press_near
 
 
 @kernel
-def _deepest_hit(rules, here, table, poses, motion, press, x0, x1, v0, u):
+def _deepest_hit(world, here, press, x0, x1, v0, u):
     """Find the collision to act on as `survey`, of those that are not left; NOTHING for none."""
     hit, deep, hit_blur = NOTHING, 0.0, 0.0
     for m in range(how_many(here)):
         k = nth(here, m)
-        phi, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
-        blur = rounding_depth(here, table, poses, k, x0)
-        if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(
-                rules, here, table, poses, motion, k, x0) == 0.0:
-            n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, 0.0, phi, n)
-            collision = _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
-                                      stays)
+        phi, n = end_distance(world, here, k, x0, x1)
+        blur = rounding_depth(world, here, k, x0)
+        if phi < 0.0 and phi <= deep + blur + hit_blur and starts_inside(world, here, k,
+                                                                         x0) == 0.0:
+            n, stays, _ = contact_normal(world, here, k, x0, x1, 0.0, phi, n)
+            collision = _collision_at(world, here, k, x0, x1, v0, u, phi, n, stays)
             first = phi < deep
             if hit.hit and abs(phi - deep) <= blur + hit_blur:
-                first = is_before(table, poses, here.end, collision, hit, v0)
-            if collision.hit and first and not _is_left(
-                    rules, here, table, poses, motion, press, collision, x0, x1):
+                first = is_before(world.table, world.poses, here.end, collision, hit, v0)
+            if collision.hit and first and not _is_left(world, here, press, collision, x0, x1):
                 hit, deep, hit_blur = collision, phi, blur
     return hit
 
 
 @inlined
-def _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+def _only_bulges(world, here, k, phi, x0, v0, u, n_end):
     """
     Whether a particle that ends outside meets a surface on the chord of its path only.
 
@@ -482,6 +492,7 @@ def _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
     does not; to act on that would make lift-off an error of first order. Such a cut is no steeper
     than half the turn of the normal.
     """
+    rules, table, poses, motion = world.rules, world.table, world.poses, world.motion
     if rules.second:
         _, _, angle = relative_motion(motion, here.step, k, x0)
         if phi >= 0.0 and table[k, KIND] != BOX and angle <= STRAIGHT:
@@ -493,15 +504,15 @@ def _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
 
 
 @inlined
-def _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n):
+def _hit_along_seam(world, here, k, x0, x1, tau, n):
     """Time and normal of the hit of a particle that goes down along a seam."""
-    if has_faces(table, k):
-        return _hit_on_open_face(rules, here, table, poses, motion, k, x0, x1)
+    if has_faces(world.table, k):
+        return _hit_on_open_face(world, here, k, x0, x1)
     return tau, n
 
 
 @inlined
-def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u):
+def _impact(world, here, k, depth, x0, x1, v0, u):
     """
     Time, normal and arm of the impact with a collider on the path of the step.
 
@@ -513,25 +524,26 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
     gain energy. The face that it touches is taken to go on beyond its edges. A collider that it
     started inside of counts as hit at the start if it ends inside.
     """
-    phi, n_end = end_distance(rules, here, table, poses, motion, k, x0, x1)
+    table, poses = world.table, world.poses
+    phi, n_end = end_distance(world, here, k, x0, x1)
     arm = subtract(x0, origin(poses, here.start, k))
     if depth > 0.0:
         return (0.0 if phi < 0.0 else NEVER), n_end, arm, False, phi
-    n, stays, touches = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi, n_end)
+    n, stays, touches = contact_normal(world, here, k, x0, x1, depth, phi, n_end)
     if stays and touches:
         face = face_below(table, poses, here.start, k, x0, n)
         if face != NONE:
             phi = min(phi, height_over(table, poses, here.end, k, face, x1)[0] - here.radius)
-        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
-        least = _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj)
+        obj = point_velocity(world.motion, poses, here.step, START, here.start, k, x0)
+        least = _rounding_speed(world, here, k, x0, v0, u, obj)
         if phi < 0.0 or start_approach(True, v0, obj, n, least) == 0.0:
             return (0.0 if phi < 0.0 else NEVER), n, arm, True, phi
-    if _only_bulges(rules, here, table, poses, motion, k, phi, x0, v0, u, n_end):
+    if _only_bulges(world, here, k, phi, x0, v0, u, n_end):
         return NEVER, n_end, arm, False, phi
-    tau, n, arm, decided = path_hit(rules, here, table, poses, motion, k, x0, x1)
+    tau, n, arm, decided = path_hit(world, here, k, x0, x1)
     if tau > 1.0 and phi < 0.0:
-        tau, n = _hit_along_seam(rules, here, table, poses, motion, k, x0, x1, tau, n)
-    accounts[here.block, N_UNDECIDED] += not decided
+        tau, n = _hit_along_seam(world, here, k, x0, x1, tau, n)
+    world.accounts[here.block, N_UNDECIDED] += not decided
     if tau == 0.0 and phi < 0.0 and dot(n, n_end) > SAME_SIDE:
         face = face_below(table, poses, here.start, k, x0, n)
         n = n_end if face == NONE else height_over(table, poses, here.end, k, face, x1)[1]
@@ -539,13 +551,14 @@ def _impact(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u
 
 
 @inlined
-def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n, arm, stays):
+def _collision_on_path(world, here, k, x0, x1, v0, u, tau, n, arm, stays):
     """Return the Touch of a collision with v0 at time tau, NOTHING without approach."""
+    rules, motion = world.rules, world.motion
     obj = path_velocity(motion, here.step, k, arm, rules.flight.dt)
     if tau == 0.0:
-        obj = point_velocity(motion, poses, here.step, START, here.start, k, x0)
+        obj = point_velocity(motion, world.poses, here.step, START, here.start, k, x0)
     v_n = start_approach(rules.checks, v0, obj, n,
-                         _rounding_speed(rules, here, table, poses, k, x0, v0, u, obj))
+                         _rounding_speed(world, here, k, x0, v0, u, obj))
     if v_n < 0.0:
         point = add_scaled(x0, tau, subtract(x1, x0))
         return Touch(k, n, obj, point, v_n, 0.0, True, stays)
@@ -553,23 +566,23 @@ def _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau,
 
 
 @inlined
-def _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n, arm,
-                   stays):
+def _press_on_path(world, here, k, x0, x1, u, depth, tau, phi, n, arm, stays):
     """Return the Touch of a contact at time tau, NOTHING where there is none to act on."""
+    rules, motion = world.rules, world.motion
     dt = rules.flight.dt
-    obj = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
+    obj = chord_velocity(motion, world.poses, here.step, here.start, k, x0, dt)
     v_n, target = mean_approach(rules, depth, n, obj, u)
     if v_n >= target and depth == 0.0 and not stays:
         obj = path_velocity(motion, here.step, k, arm, dt)
         v_n = approach(u, obj, n)
-    if _acts(rules, here, table, poses, k, x1, phi, stays, v_n, target):
+    if _acts(world, here, k, x1, phi, stays, v_n, target):
         point = add_scaled(x0, tau, subtract(x1, x0))
         return Touch(k, n, obj, point, v_n, target, False, stays)
     return NOTHING
 
 
 @kernel
-def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+def survey_path(world, here, x0, x1, v0, u, collides):
     """
     Find the collider to act on next, of those that the particle hits on its path: the earliest.
 
@@ -582,24 +595,21 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
     hit_near, press_near = False, False
     for m in range(how_many(here)):
         k = nth(here, m)
-        depth = starts_inside(rules, here, table, poses, motion, k, x0)
-        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth,
-                                          x0, x1, v0, u)
+        depth = starts_inside(world, here, k, x0)
+        tau, n, arm, stays, phi = _impact(world, here, k, depth, x0, x1, v0, u)
         if tau > 1.0:
             continue
         inside, collision = 1, NOTHING
-        blur = rounding_depth(here, table, poses, k, x0)
+        blur = rounding_depth(world, here, k, x0)
         if collides and depth == 0.0:
-            collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
-                                           tau, n, arm, stays)
+            collision = _collision_on_path(world, here, k, x0, x1, v0, u, tau, n, arm, stays)
         if collision.hit:
             hit_near = hit_near or (hit.hit and abs(tau - hit_time) <= SAME_TIME
                                     and abs(phi - deep) <= blur + hit_blur)
             if tau < hit_time or (tau == hit_time and phi < deep):
                 hit, hit_time, deep, hit_blur = collision, tau, phi, blur
         elif tau <= press_time + SAME_TIME:
-            touch = _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau,
-                                   phi, n, arm, stays)
+            touch = _press_on_path(world, here, k, x0, x1, u, depth, tau, phi, n, arm, stays)
             if touch.collider != NONE:
                 press_near = press_near or (
                     press.collider != NONE and abs(tau - press_time) <= SAME_TIME
@@ -607,81 +617,73 @@ def survey_path(rules, here, table, poses, motion, accounts, x0, x1, v0, u, coll
                 if tau < press_time or (tau == press_time and phi < deepest_press):
                     press, press_time, deepest_press, press_blur = touch, tau, phi, blur
     if hit.hit and press.collider != NONE and press_time <= hit_time:
-        hit, hit_near = _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0,
-                                           x1, v0, u), False
+        hit, hit_near = _first_hit_on_path(world, here, press, x0, x1, v0, u), False
     if hit.hit:
         return hit, inside + hit_near
     return press, inside + press_near
 
 
 @kernel
-def _first_hit_on_path(rules, here, table, poses, motion, accounts, press, x0, x1, v0, u):
+def _first_hit_on_path(world, here, press, x0, x1, v0, u):
     """Find the collision to act on as `survey_path`, of those not left; NOTHING for none."""
     hit, first, deep, hit_blur = NOTHING, NEVER, 0.0, 0.0
     for m in range(how_many(here)):
         k = nth(here, m)
-        if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
+        if starts_inside(world, here, k, x0) > 0.0:
             continue
-        tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, 0.0, x0,
-                                          x1, v0, u)
+        tau, n, arm, stays, phi = _impact(world, here, k, 0.0, x0, x1, v0, u)
         if tau <= 1.0 and tau <= first + SAME_TIME:
-            blur = rounding_depth(here, table, poses, k, x0)
-            collision = _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u,
-                                           tau, n, arm, stays)
+            blur = rounding_depth(world, here, k, x0)
+            collision = _collision_on_path(world, here, k, x0, x1, v0, u, tau, n, arm, stays)
             earlier = tau < first or (tau == first and phi < deep)
             if hit.hit and abs(tau - first) <= SAME_TIME and abs(phi - deep) <= blur + hit_blur:
-                earlier = is_before(table, poses, here.end, collision, hit, v0)
-            if collision.hit and earlier and not _is_left_on_path(
-                    rules, here, table, poses, motion, press, collision, x0, x1, v0):
+                earlier = is_before(world.table, world.poses, here.end, collision, hit, v0)
+            if collision.hit and earlier and not _is_left_on_path(world, here, press, collision,
+                                                                  x0, x1, v0):
                 hit, first, deep, hit_blur = collision, tau, phi, blur
     return hit
 
 
 @kernel
-def meeting_on_path(rules, here, table, poses, motion, accounts, k, depth, x0, x1, v0, u, hit):
+def meeting_on_path(world, here, k, depth, x0, x1, v0, u, hit):
     """Touch of a collider as `_meeting`, on the path of a particle that starts that deep in it."""
-    tau, n, arm, stays, phi = _impact(rules, here, table, poses, motion, accounts, k, depth, x0,
-                                      x1, v0, u)
+    tau, n, arm, stays, phi = _impact(world, here, k, depth, x0, x1, v0, u)
     if tau > 1.0 or (hit and depth > 0.0):
         return NOTHING, tau, phi
     if hit:
-        return _collision_on_path(rules, here, table, poses, motion, k, x0, x1, v0, u, tau, n,
-                                  arm, stays), tau, phi
-    return _press_on_path(rules, here, table, poses, motion, k, x0, x1, u, depth, tau, phi, n,
-                          arm, stays), tau, phi
+        return _collision_on_path(world, here, k, x0, x1, v0, u, tau, n, arm, stays), tau, phi
+    return _press_on_path(world, here, k, x0, x1, u, depth, tau, phi, n, arm, stays), tau, phi
 
 
 @inlined
-def _meeting(rules, here, table, poses, motion, accounts, k, x0, x1, v0, u, hit):
+def _meeting(world, here, k, x0, x1, v0, u, hit):
     """
     Touch of a collider as `detect` finds it, a collision or a contact, or NOTHING.
 
     And its time on the path, 0 without `sweep`, and the distance [m] at the end.
     """
-    depth = starts_inside(rules, here, table, poses, motion, k, x0)
+    rules = world.rules
+    depth = starts_inside(world, here, k, x0)
     if rules.sweep:
         return by_address(rules.present.modules, MEETING_ON_PATH, meeting_on_path,
-                          (NOTHING, 0.0, 0.0), (rules, here, table, poses, motion, accounts, k,
-                                                depth, x0, x1, v0, u, hit))
-    phi, n = end_distance(rules, here, table, poses, motion, k, x0, x1)
+                          (NOTHING, 0.0, 0.0), (world, here, k, depth, x0, x1, v0, u, hit))
+    phi, n = end_distance(world, here, k, x0, x1)
     if phi >= 0.0 or (hit and depth > 0.0):
         return NOTHING, 0.0, phi
-    n, stays, _ = contact_normal(rules, here, table, poses, k, x0, x1, depth, phi, n)
+    n, stays, _ = contact_normal(world, here, k, x0, x1, depth, phi, n)
     if hit:
-        return _collision_at(rules, here, table, poses, motion, k, x0, x1, v0, u, phi, n,
-                             stays), 0.0, phi
-    return _press_at(rules, here, table, poses, motion, k, x0, x1, u, depth, phi, n,
-                     stays), 0.0, phi
+        return _collision_at(world, here, k, x0, x1, v0, u, phi, n, stays), 0.0, phi
+    return _press_at(world, here, k, x0, x1, u, depth, phi, n, stays), 0.0, phi
 
 
 @kernel
-def foremost(rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
+def foremost(world, here, touch, x0, x1, v0, u):
     """
     Find the collider to act on first, of those that are met just when that of a touch is, as deep.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, accounts, x0, x1, v0, u
+    world, here, x0, x1, v0, u
         As in `detect`.
     touch : Touch
         What `detect` has found.
@@ -694,37 +696,35 @@ def foremost(rules, here, table, poses, motion, accounts, touch, x0, x1, v0, u):
         When they are met, how deep they are, and how much of that is only rounding.
 
     """
+    table, poses = world.table, world.poses
     v, first = (v0 if touch.hit else u), touch
-    _, tau, phi = _meeting(rules, here, table, poses, motion, accounts, touch.collider, x0,
-                           x1, v0, u, touch.hit)
-    blur = rounding_depth(here, table, poses, touch.collider, x0)
+    _, tau, phi = _meeting(world, here, touch.collider, x0, x1, v0, u, touch.hit)
+    blur = rounding_depth(world, here, touch.collider, x0)
     for m in range(here.chosen.shape[0]):
-        other = _tied(rules, here, table, poses, motion, accounts, here.chosen[m],
-                      touch, tau, phi, blur, x0, x1, v0, u)
+        other = _tied(world, here, here.chosen[m], touch, tau, phi, blur, x0, x1, v0, u)
         if other.collider != NONE and is_before(table, poses, here.end, other, first, v):
             first = other
     return first, tau, phi, blur
 
 
 @inlined
-def _tied(rules, here, table, poses, motion, accounts, k, touch, tau, phi, blur, x0, x1, v0, u):
+def _tied(world, here, k, touch, tau, phi, blur, x0, x1, v0, u):
     """Return the Touch of collider k if it is met at time tau, and as deep as phi; or NOTHING."""
-    other, tau_k, phi_k = _meeting(rules, here, table, poses, motion, accounts, k, x0, x1,
-                                   v0, u, touch.hit)
+    other, tau_k, phi_k = _meeting(world, here, k, x0, x1, v0, u, touch.hit)
     if (other.collider != NONE and abs(tau_k - tau) <= SAME_TIME and other.stays == touch.stays
-            and abs(phi_k - phi) <= blur + rounding_depth(here, table, poses, k, x0)):
+            and abs(phi_k - phi) <= blur + rounding_depth(world, here, k, x0)):
         return other
     return NOTHING
 
 
 @kernel
-def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u, first):
+def next_rival(world, here, touch, tied, x0, x1, v0, u, first):
     """
     Find the next collider that a particle meets just like that of a touch: as deep, and as fast.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, accounts, x0, x1, v0, u
+    world, here, x0, x1, v0, u
         As in `detect`.
     touch : Touch
         The first one, of `foremost`.
@@ -745,8 +745,7 @@ def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
         k = here.chosen[m]
         if k == touch.collider:
             continue
-        other = _tied(rules, here, table, poses, motion, accounts, k, touch, tied[0],
-                      tied[1], tied[2], x0, x1, v0, u)
+        other = _tied(world, here, k, touch, tied[0], tied[1], tied[2], x0, x1, v0, u)
         if other.collider != NONE and lacks_alike(touch, other, v0 if touch.hit else u):
             cosine = dot(touch.normal, other.normal)
             if 1.0 - cosine * cosine >= PARALLEL:
@@ -755,13 +754,13 @@ def next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1,
 
 
 @kernel
-def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u):
+def rivals(world, here, touch, tied, x0, x1, v0, u):
     """
     Find the colliders that a particle meets just like that of a touch.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u
+    world, here, touch, tied, x0, x1, v0, u
         As in `next_rival`.
 
     Returns
@@ -778,20 +777,19 @@ def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0,
         Between the least and the largest restitution.
 
     """
-    two, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0, u, 0)
+    table = world.table
+    two, m = next_rival(world, here, touch, tied, x0, x1, v0, u, 0)
     push, other, more = to_units(touch.normal), two, False
     least = most = table[touch.collider, RESTITUTION]
     while other.collider != NONE:
         push = add(push, to_units(other.normal))
         least = min(least, table[other.collider, RESTITUTION])
         most = max(most, table[other.collider, RESTITUTION])
-        other, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0,
-                              x1, v0, u, m)
+        other, m = next_rival(world, here, touch, tied, x0, x1, v0, u, m)
         more = more or other.collider != NONE
     along, other, m = dot(push, touch.normal), two, 0
     while more and other.collider != NONE:
-        other, m = next_rival(rules, here, table, poses, motion, accounts, touch, tied, x0,
-                              x1, v0, u, m)
+        other, m = next_rival(world, here, touch, tied, x0, x1, v0, u, m)
         if other.collider != NONE:
             blur = ROUNDING * (largest(other.obj) + largest(touch.obj))
             if (not abs(dot(push, other.normal) - along) <= ALIKE * along
@@ -801,25 +799,27 @@ def rivals(rules, here, table, poses, motion, accounts, touch, tied, x0, x1, v0,
 
 
 @inlined
-def detect(rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides):
+def detect(world, here, x0, x1, v0, u, collides):
     """Find the next collider to act on: along the path with sweeps, else at the end."""
+    rules = world.rules
     if rules.sweep:
         return by_address(rules.present.modules, SURVEY_PATH, survey_path, (NOTHING, 0),
-                          (rules, here, table, poses, motion, accounts, x0, x1, v0, u, collides))
-    return survey(rules, here, table, poses, motion, x0, x1, v0, u, collides)
+                          (world, here, x0, x1, v0, u, collides))
+    return survey(world, here, x0, x1, v0, u, collides)
 
 
 @inlined
-def blocker(rules, here, table, poses, motion, x0, x1):
+def blocker(world, here, x0, x1):
     """Return the collider that is hit first on the way, or NONE; without sweeps no way matters."""
+    rules = world.rules
     if rules.sweep:
         return by_address(rules.present.modules, BLOCKER, first_on_way, NONE,
-                          (rules, here, table, poses, motion, x0, x1))
+                          (world, here, x0, x1))
     return NONE
 
 
 @kernel
-def first_on_way(rules, here, table, poses, motion, x0, x1):
+def first_on_way(world, here, x0, x1):
     """
     Return the collider that is hit first on the way, or NONE.
 
@@ -829,15 +829,15 @@ def first_on_way(rules, here, table, poses, motion, x0, x1):
     blocking, first, normal, dx = NONE, NEVER, (0.0, 0.0, 1.0), subtract(x1, x0)
     for m in range(here.chosen.shape[0]):
         k = here.chosen[m]
-        if starts_inside(rules, here, table, poses, motion, k, x0) > 0.0:
+        if starts_inside(world, here, k, x0) > 0.0:
             continue
-        tau, n, arm, _ = path_hit(rules, here, table, poses, motion, k, x0, x1)
-        n_end = end_distance(rules, here, table, poses, motion, k, x0, x1)[1]
+        tau, n, arm, _ = path_hit(world, here, k, x0, x1)
+        n_end = end_distance(world, here, k, x0, x1)[1]
         slides = tau == 0.0 and dot(n, n_end) > SAME_SIDE
-        obj = path_velocity(motion, here.step, k, arm, 1.0)
+        obj = path_velocity(world.motion, here.step, k, arm, 1.0)
         earlier = tau < first
         if blocking != NONE and abs(tau - first) <= SAME_TIME:
-            earlier = stands_first(table, poses, here.end, k, n, blocking, normal)
+            earlier = stands_first(world.table, world.poses, here.end, k, n, blocking, normal)
         if earlier and not slides and approach(dx, obj, n) < 0.0:
             blocking, first, normal = k, tau, n
     return blocking

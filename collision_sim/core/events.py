@@ -57,7 +57,7 @@ def _flight(forces, t, x, v):
 
 
 @kernel
-def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
+def _straight(world, forces, here, courses, holds, t, x, v):
     """
     Give the closed form of a slide, if there is one: on one flat surface, straight on or smooth.
 
@@ -69,7 +69,8 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
         When it comes to a stop; infinite if it does not.
 
     """
-    a, normal = held(rules, forces, here, table, poses, courses, holds, t, x, v)
+    table, poses = world.table, world.poses
+    a, normal = held(world, forces, here, courses, holds, t, x, v)
     curved = Path(SLIDES, holds, t, x, v, False, a, 0.0, 2.0 * length(a), False)
     s, c = holds[0], holds[0] // FACES
     flat = is_flat(table, c, s % FACES, table[c, SIDE])
@@ -78,7 +79,7 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
         return curved, inf
     obj = material_velocity(courses, poses, here, c, t, x)
     w = subtract(v, obj)
-    k = _decay_rate(forces.linear, rules.wet, forces.grip * table[c, WET], normal[0])
+    k = _decay_rate(forces.linear, world.rules.wet, forces.grip * table[c, WET], normal[0])
     if k > 0.0 and accelerates(courses, here, c):
         return curved, inf
     relative = subtract(a, frame_acceleration(courses, poses, here, c, t, x, ZERO))
@@ -103,12 +104,13 @@ def _straight(rules, forces, here, table, poses, courses, holds, t, x, v):
 
 
 @inlined
-def _stop_time(rules, here, table, poses, courses, holds, t, x, v, a):
+def _stop_time(world, here, courses, holds, t, x, v, a):
     """Time until a slide comes to a stop if it goes on braking as now; infinite if it does not."""
+    poses = world.poses
     first = inf
     for k in range(3):
         c = holds[k] // FACES
-        if holds[k] != NONE and table[c, KINETIC] > 0.0:
+        if holds[k] != NONE and world.table[c, KINETIC] > 0.0:
             w = subtract(v, material_velocity(courses, poses, here, c, t, x))
             brake = -dot(w, subtract(a, frame_acceleration(courses, poses, here, c, t, x, ZERO)))
             if brake > 0.0:
@@ -117,7 +119,7 @@ def _stop_time(rules, here, table, poses, courses, holds, t, x, v, a):
 
 
 @inlined
-def _stopped_on(here, table, poses, courses, holds, t, x, v, x1, v1, t1, slow):
+def _stopped_on(world, here, courses, holds, t, x, v, x1, v1, t1, slow):
     """
     Surface relative to which a particle has come to a stop, `slow`, in a step from t to t1.
 
@@ -129,9 +131,10 @@ def _stopped_on(here, table, poses, courses, holds, t, x, v, x1, v1, t1, slow):
         Whether the step went past a stop.
 
     """
+    poses = world.poses
     for k in range(3):
         c = holds[k] // FACES
-        if holds[k] != NONE and table[c, KINETIC] > 0.0:
+        if holds[k] != NONE and world.table[c, KINETIC] > 0.0:
             w = subtract(v, material_velocity(courses, poses, here, c, t, x))
             w1 = subtract(v1, material_velocity(courses, poses, here, c, t1, x1))
             if length(w) > 0.0 and length(w1) <= max(STOPPED * length(w), slow):
@@ -142,7 +145,7 @@ def _stopped_on(here, table, poses, courses, holds, t, x, v, x1, v1, t1, slow):
 
 
 @kernel
-def _integrated(rules, forces, here, table, poses, courses, work, path, t, duration, pace):
+def _integrated(world, forces, here, courses, work, path, t, duration, pace):
     """
     How far one integrator step from the start of a path is accurate, but not past a stop.
 
@@ -159,28 +162,27 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
 
     """
     x, v = path.x, path.v
-    a, normal = held(rules, forces, here, table, poses, courses, path.holds, t, x, v)
-    _, _, rates = stiffness(rules, forces, here, table, poses, courses, path.holds, t, x, v,
-                            normal)
+    a, normal = held(world, forces, here, courses, path.holds, t, x, v)
+    _, _, rates = stiffness(world, forces, here, courses, path.holds, t, x, v, normal)
     h, rate = min(pace, duration - t), 0.0
     for k in range(3):
         if path.holds[k] != NONE:
             rate = max(rate, quickest(courses, here, path.holds[k] // FACES))
     if rate > 0.0:
         h = min(h, 0.5 / rate)
-    halting = _stop_time(rules, here, table, poses, courses, path.holds, t, x, v, a)
+    halting = _stop_time(world, here, courses, path.holds, t, x, v, a)
     h = min(h, halting)
     for _ in range(HALVINGS):
         stiff = h * rates[2] > STIFF
-        x1, v1, error = integrate(rules, forces, here, table, poses, courses, work, stiff,
-                                  path.holds, t, x, v, h)
-        stopped, past = _stopped_on(here, table, poses, courses, path.holds, t, x, v, x1, v1,
-                                    t + h, STOPPED * duration * length(a))
+        x1, v1, error = integrate(world, forces, here, courses, work, stiff, path.holds, t, x, v,
+                                  h)
+        stopped, past = _stopped_on(world, here, courses, path.holds, t, x, v, x1, v1, t + h,
+                                    STOPPED * duration * length(a))
         limit = STIFF_TOLERANCE if stiff else TOLERANCE
         if (error <= limit or h <= LEAST * duration) and not past:
             break           # a jump of the curvature is crossed in a step that does not count
         h *= 0.5 if error <= 1e3 * limit or past else 0.25
-    b, _ = held(rules, forces, here, table, poses, courses, path.holds, t + h, x1, v1)
+    b, _ = held(world, forces, here, courses, path.holds, t + h, x1, v1)
     if h < halting:
         pace = h * (2.0 if error <= (0.1 if stiff else 1e-3) * limit else 1.0)
     end = duration if h == duration - t else t + h
@@ -188,9 +190,9 @@ def _integrated(rules, forces, here, table, poses, courses, work, path, t, durat
 
 
 @inlined
-def _pulls(rules, forces, here, table, poses, courses, holds, t, x, v):
+def _pulls(world, forces, here, courses, holds, t, x, v):
     """Surface that would have to pull to hold a particle, or NONE."""
-    a, normal = held(rules, forces, here, table, poses, courses, holds, t, x, v)
+    a, normal = held(world, forces, here, courses, holds, t, x, v)
     for k in range(3):
         if holds[k] != NONE and not normal[k] >= -pull_slack(forces, a):
             return holds[k]
@@ -198,7 +200,7 @@ def _pulls(rules, forces, here, table, poses, courses, holds, t, x, v):
 
 
 @inlined
-def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
+def _lift_off(world, forces, here, courses, work, path, end):
     """
     First time on a slide at which a surface would have to pull.
 
@@ -210,16 +212,16 @@ def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
         Which one, or NONE.
 
     """
-    x, v = state_at(rules, forces, here, table, poses, courses, work, path, end)
-    s = _pulls(rules, forces, here, table, poses, courses, path.holds, end, x, v)
+    x, v = state_at(world, forces, here, courses, work, path, end)
+    s = _pulls(world, forces, here, courses, path.holds, end, x, v)
     low, high = path.since, end
     if s != NONE:
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             if not low < middle < high:
                 break
-            x, v = state_at(rules, forces, here, table, poses, courses, work, path, middle)
-            other = _pulls(rules, forces, here, table, poses, courses, path.holds, middle, x, v)
+            x, v = state_at(world, forces, here, courses, work, path, middle)
+            other = _pulls(world, forces, here, courses, path.holds, middle, x, v)
             if other == NONE:
                 low = middle
             else:
@@ -228,28 +230,28 @@ def _lift_off(rules, forces, here, table, poses, courses, work, path, end):
 
 
 @inlined
-def _regions(here, table, poses, courses, holds, t, x):
+def _regions(world, here, courses, holds, t, x):
     """Give one number for the parts of the shapes that a particle is on."""
     code = 0
     for k in range(3):
         if holds[k] != NONE:
-            code = 27 * code + region_of(here, table, poses, courses, holds[k], t, x)
+            code = 27 * code + region_of(world, here, courses, holds[k], t, x)
     return code
 
 
 @inlined
-def _region_end(rules, forces, here, table, poses, courses, work, path, end):
+def _region_end(world, forces, here, courses, work, path, end):
     """First time on a slide at which the curvature has jumped; `end` if it does not before."""
-    first = _regions(here, table, poses, courses, path.holds, path.since, path.x)
-    x, _ = state_at(rules, forces, here, table, poses, courses, work, path, end)
+    first = _regions(world, here, courses, path.holds, path.since, path.x)
+    x, _ = state_at(world, forces, here, courses, work, path, end)
     low, high = path.since, end
-    if _regions(here, table, poses, courses, path.holds, end, x) != first:
+    if _regions(world, here, courses, path.holds, end, x) != first:
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             if not low < middle < high:
                 break
-            x, _ = state_at(rules, forces, here, table, poses, courses, work, path, middle)
-            if _regions(here, table, poses, courses, path.holds, middle, x) == first:
+            x, _ = state_at(world, forces, here, courses, work, path, middle)
+            if _regions(world, here, courses, path.holds, middle, x) == first:
                 low = middle
             else:
                 high = middle
@@ -257,7 +259,7 @@ def _region_end(rules, forces, here, table, poses, courses, work, path, end):
 
 
 @inlined
-def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
+def _breakaway(world, forces, here, courses, work, path, end):
     """First time at which friction does not hold a resting particle any more, at most `end`."""
     c = path.holds[0] // FACES
     if is_uniform(courses, here, c) and not accelerates(courses, here, c):
@@ -266,14 +268,14 @@ def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
     low = path.since
     for k in range(count):
         high = path.since + (end - path.since) * (k + 1) / count
-        x, _ = state_at(rules, forces, here, table, poses, courses, work, path, high)
-        if not can_rest(rules, forces, here, table, poses, courses, path.holds, high, x):
+        x, _ = state_at(world, forces, here, courses, work, path, high)
+        if not can_rest(world, forces, here, courses, path.holds, high, x):
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
-                x, _ = state_at(rules, forces, here, table, poses, courses, work, path, middle)
-                if can_rest(rules, forces, here, table, poses, courses, path.holds, middle, x):
+                x, _ = state_at(world, forces, here, courses, work, path, middle)
+                if can_rest(world, forces, here, courses, path.holds, middle, x):
                     low = middle
                 else:
                     high = middle
@@ -283,7 +285,7 @@ def _breakaway(rules, forces, here, table, poses, courses, work, path, end):
 
 
 @inlined
-def _face_end(rules, forces, here, table, poses, courses, work, accounts, path, end):
+def _face_end(world, forces, here, courses, work, path, end):
     """
     When a particle on a face of a box or cylinder reaches its end.
 
@@ -295,6 +297,7 @@ def _face_end(rules, forces, here, table, poses, courses, work, accounts, path, 
         Whose face it is, or NONE.
 
     """
+    table = world.table
     first, collider = inf, NONE
     for k in range(3):
         c, face = path.holds[k] // FACES, path.holds[k] % FACES - 1
@@ -302,8 +305,8 @@ def _face_end(rules, forces, here, table, poses, courses, work, accounts, path, 
             continue
         for edge in range(faces(table, c, -1.0)):
             if is_end(table, c, face, edge):
-                time = first_time(rules, forces, here, table, poses, courses, work, accounts, path,
-                                  c, edge, -1.0, 0.0, path.since, end, min(end, first))
+                time = first_time(world, forces, here, courses, work, path, c, edge, -1.0, 0.0,
+                                  path.since, end, min(end, first))
                 if time < first:
                     first, collider = time, c
     return first, collider
@@ -326,12 +329,13 @@ def _whole(table, s):
 
 
 @inlined
-def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path, end):
+def _first_hit(world, forces, here, courses, work, path, end):
     """
     When a particle comes to a surface that does not hold it; `end` if not before.
 
     Who rests goes along with the first of the surfaces that hold it; others may come closer.
     """
+    table = world.table
     first = end
     for c in range(table.shape[0]):
         side = table[c, SIDE]
@@ -339,33 +343,31 @@ def _first_hit(rules, forces, here, table, poses, courses, work, accounts, path,
             continue
         for face in range(faces(table, c, side)):
             if path.mode == RESTS or not _holds(path.holds, c, face, side):
-                first = min(first, first_time(rules, forces, here, table, poses, courses, work,
-                                              accounts, path, c, face, side, here.radius,
-                                              path.since, end, first))
+                first = min(first, first_time(world, forces, here, courses, work, path, c, face,
+                                              side, here.radius, path.since, end, first))
     return first
 
 
 @inlined
-def _faces_under(here, table, poses, courses, holds, t, x, v):
+def _faces_under(world, here, courses, holds, t, x, v):
     """Give the faces of boxes and cylinders for the surfaces that hold a particle."""
     a, b, c = holds
-    a = face_of(here, table, poses, courses, a, t, x, v)
+    a = face_of(world, here, courses, a, t, x, v)
     if b != NONE:
-        b = face_of(here, table, poses, courses, b, t, x, v)
+        b = face_of(world, here, courses, b, t, x, v)
     if c != NONE:
-        c = face_of(here, table, poses, courses, c, t, x, v)
+        c = face_of(world, here, courses, c, t, x, v)
     return a, b, c
 
 
 @kernel
-def next_event(rules, forces, here, table, poses, courses, work, accounts, mode, holds, t,
-               duration, x, v, pace):
+def next_event(world, forces, here, courses, work, mode, holds, t, duration, x, v, pace):
     """
     Find the path of a particle from now on, and what ends it.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, work, accounts
+    world, forces, here, courses, work
         As in exact.py.
     mode, holds
         As from sustained.choose_mode.
@@ -389,33 +391,33 @@ def next_event(rules, forces, here, table, poses, courses, work, accounts, mode,
         Guess for the next step of the integrator.
 
     """
+    poses = world.poses
     end, stop, stopped, released = duration, inf, NONE, NONE
     if mode == FLIES:
         path = _flight(forces, t, x, v)
     elif mode == RESTS:
         path = Path(RESTS, holds, t, x, v, False, ZERO, 0.0, 0.0, False)
-        end = _breakaway(rules, forces, here, table, poses, courses, work, path, end)
+        end = _breakaway(world, forces, here, courses, work, path, end)
     else:
         if at_rest(courses, poses, here, holds[0] // FACES, t, x, v):
             v = material_velocity(courses, poses, here, holds[0] // FACES, t, x)
-        holds = _faces_under(here, table, poses, courses, holds, t, x, v)
-        path, stop = _straight(rules, forces, here, table, poses, courses, holds, t, x, v)
+        holds = _faces_under(world, here, courses, holds, t, x, v)
+        path, stop = _straight(world, forces, here, courses, holds, t, x, v)
         if stop <= end:
             end, stopped = stop, holds[0]
     if mode != RESTS and not path.closed:
-        end, pace, bend, stiff, stopped = _integrated(
-            rules, forces, here, table, poses, courses, work, path, t, duration, pace)
+        end, pace, bend, stiff, stopped = _integrated(world, forces, here, courses, work, path, t,
+                                                      duration, pace)
         path = Path(mode, path.holds, t, x, v, False, ZERO, 0.0, bend, stiff)
     last = end
     if mode == SLIDES and not path.closed:
-        end = _region_end(rules, forces, here, table, poses, courses, work, path, end)
-    edge, left = _face_end(rules, forces, here, table, poses, courses, work, accounts, path, end)
-    end = _first_hit(rules, forces, here, table, poses, courses, work, accounts, path,
-                     min(edge, end))
+        end = _region_end(world, forces, here, courses, work, path, end)
+    edge, left = _face_end(world, forces, here, courses, work, path, end)
+    end = _first_hit(world, forces, here, courses, work, path, min(edge, end))
     if mode == SLIDES and not path.closed:
-        end, released = _lift_off(rules, forces, here, table, poses, courses, work, path, end)
+        end, released = _lift_off(world, forces, here, courses, work, path, end)
     if end < last:
         stopped = NONE
     if end == edge and here.radius == 0.0 and stopped == NONE:
         released = FACES * left
-    return path, end, stopped, _whole(table, released), pace
+    return path, end, stopped, _whole(world.table, released), pace

@@ -36,7 +36,6 @@ is left to a rule:
 from math import inf
 
 from collision_sim.core.broad_phase import radius_at
-from collision_sim.core.candidates import Candidates
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.events import next_event
 from collision_sim.core.exact_ledger import book_friction, book_path
@@ -76,8 +75,9 @@ NEAR = 1e4              # times the touching depth: surfaces among which a parti
 
 
 @inlined
-def record(log, accounts, here, c, state, point, n, dv):
+def record(world, here, c, state, point, n, dv):
     """Log a contact, or add to that of the same particle and collider; nothing without room."""
+    log, accounts = world.log, world.accounts
     if log.shape[1] > 0:
         b, row = here.block, accounts[here.block, N_LOGGED]
         for k in range(row - 1, -1, -1):
@@ -96,52 +96,51 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @kernel
-def _is_inside(here, table, poses, courses, t, x):
+def _is_inside(world, here, courses, t, x):
     """Whether a particle is inside a collider, by more than rounding of its way."""
+    table = world.table
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         for face in range(faces(table, c, side)):
-            gap, _, _ = gap_to(here, table, poses, courses, c, face, side, here.radius,
-                               t, x)
-            if gap < -DEEP * touching_depth(table, poses, here, c, x):
+            gap, _, _ = gap_to(world, here, courses, c, face, side, here.radius, t, x)
+            if gap < -DEEP * touching_depth(world, here, c, x):
                 return True
     return False
 
 
 @inlined
-def _pressing(rules, forces, here, table, poses, courses, s, t, x, v):
+def _pressing(world, forces, here, courses, s, t, x, v):
     """Give the acceleration [m/s^2] towards a surface of a particle that it does not hold."""
-    n = normal_at(here, table, poses, courses, s, t, x)
-    g, _ = opening(rules, here, table, poses, courses, s, t, x, v, n)
+    n = normal_at(world, here, courses, s, t, x)
+    g, _ = opening(world, here, courses, s, t, x, v, n)
     return -(g + dot(n, pull(forces, v)))
 
 
 @kernel
-def _hop(rules, forces, here, table, poses, courses, s, duration, t, x, v):
+def _hop(world, forces, here, courses, s, duration, t, x, v):
     """Return how a surface presses [m/s^2], and the height of a hop that is only rounding [m]."""
-    press = _pressing(rules, forces, here, table, poses, courses, s, t, x, v)
-    rounding = 2.0 * touching_depth(table, poses, here, s // FACES, x)
+    press = _pressing(world, forces, here, courses, s, t, x, v)
+    rounding = 2.0 * touching_depth(world, here, s // FACES, x)
     return press, rounding + EPSILON * press * duration ** 2
 
 
 @kernel
-def _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
+def _hold_back(world, forces, here, courses, met, count, duration, t, x, v):
     """Add rows that keep a particle on surfaces off which it would only hop by rounding."""
     rows = count
     for k in range(count):
         s = surface_of(met, k)
-        obj = material_velocity(courses, poses, here, s // FACES, t, x)
+        obj = material_velocity(courses, world.poses, here, s // FACES, t, x)
         v_n = dot(subtract(v, obj), facing(met, k))
         if v_n > 0.0 and rows < count + 3:
-            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
-                                   v)
+            press, rounding = _hop(world, forces, here, courses, s, duration, t, x, v)
             if v_n * v_n <= 2.0 * press * rounding:
                 rows = turn_round(met, k, rows)
     return rows
 
 
 @kernel
-def _demand(rules, forces, here, table, poses, courses, met, count, duration, t, x, v):
+def _demand(world, forces, here, courses, met, count, duration, t, x, v):
     """
     Write the change of normal velocity that each surface a particle approaches asks for.
 
@@ -157,6 +156,7 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
         Whether it bounces.
 
     """
+    table, poses = world.table, world.poses
     collides, elastic = False, False
     for k in range(count):
         v_n, s = met[k, SPEED], surface_of(met, k)
@@ -165,8 +165,7 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
             c, n = s // FACES, facing(met, k)
             obj, eps = material_velocity(courses, poses, here, c, t, x), table[c, RESTITUTION]
             after, _ = respond(table, c, v, obj, n, v_n, -v_n)
-            press, rounding = _hop(rules, forces, here, table, poses, courses, s, duration, t, x,
-                                   after)
+            press, rounding = _hop(world, forces, here, courses, s, duration, t, x, after)
             falls = press > 0.0 and v_n * v_n <= 2.0 * press * rounding
             if not (press > 0.0 and (falls or (2.0 * eps * v_n) ** 2
                                      <= 2.0 * rounding * press * (1.0 - eps) ** 2)):
@@ -177,43 +176,41 @@ def _demand(rules, forces, here, table, poses, courses, met, count, duration, t,
 
 
 @inlined
-def _push_one(here, table, poses, courses, log, accounts, ledger, s, n, v_n, dv_n, t, x,
-              v):
+def _push_one(world, here, courses, s, n, v_n, dv_n, t, x, v):
     """Push by one surface, with its friction."""
     c = s // FACES
-    obj = material_velocity(courses, poses, here, c, t, x)
-    after, _ = respond(table, c, v, obj, n, v_n, dv_n)
-    record(log, accounts, here, c, COLLISION, x, n, subtract(after, v))
-    book_collision(ledger, here, table, Touch(c, n, obj, x, v_n, 0.0, True, False), dv_n, v,
-                   after)
+    obj = material_velocity(courses, world.poses, here, c, t, x)
+    after, _ = respond(world.table, c, v, obj, n, v_n, dv_n)
+    record(world, here, c, COLLISION, x, n, subtract(after, v))
+    book_collision(world, here, Touch(c, n, obj, x, v_n, 0.0, True, False), dv_n, v, after)
     return after
 
 
 @kernel
-def _push_jointly(here, table, poses, courses, log, accounts, ledger, met, choice, parts, t,
-                  x, v):
+def _push_jointly(world, here, courses, met, choice, parts, t, x, v):
     """
     Push by several surfaces at once; their friction acts along the edge of two, one by one.
 
     That of three has no direction left to act in.
     """
+    table, ledger = world.table, world.ledger
     n0, n1 = facing(met, choice[0]), facing(met, choice[1])
     edge = square_up(n0, n1, n1, choice)[2] if choice[2] == NONE else ZERO
     for k in range(3):
         if choice[k] != NONE:
             s, n, u = surface_of(met, choice[k]), facing(met, choice[k]), v
             c, dv_n = s // FACES, parts[k]
-            obj = material_velocity(courses, poses, here, c, t, x)
+            obj = material_velocity(courses, world.poses, here, c, t, x)
             slip = scaled(dot(subtract(v, obj), edge), edge)
             factor = (dry_factor(table, c, length(slip), dv_n)
                       * wet_factor(table, c, dv_n))
             w = add_scaled(v, dv_n, n)
             v = add_scaled(w, factor - 1.0, slip)
             dv = subtract(v, u)
-            record(log, accounts, here, c, COLLISION, x, n, dv)
+            record(world, here, c, COLLISION, x, n, dv)
             book_impulse(ledger, here, c, dot(dv, obj), dv)
             book(ledger, here, RESTITUTED, kinetic(u, w) - dv_n * dot(n, obj))
-            book_friction(ledger, here, table, c, length(slip), dv_n,
+            book_friction(world, here, c, length(slip), dv_n,
                           kinetic(w, v) - dot(subtract(v, w), obj))
     return v
 
@@ -229,13 +226,13 @@ def _book_stop(ledger, here, account, c, obj, x, v, x1, v1):
 
 
 @kernel
-def _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count, fast, t, x,
-              v):
+def _keep_out(world, here, courses, met, count, fast, t, x, v):
     """
     Push, without friction, so that a particle approaches no surface of the rows.
 
     What is left of a velocity is none where it is rounding of `fast` [m/s] and of the pushes.
     """
+    poses = world.poses
     for k in range(count):
         s, n = surface_of(met, k), facing(met, k)
         obj = material_velocity(courses, poses, here, s // FACES, t, x)
@@ -254,15 +251,14 @@ def _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, co
             change = dv if k == 0 else scaled(parts[k], n)
             dv, w = subtract(dv, change), add(v, change)
             obj = material_velocity(courses, poses, here, s // FACES, t, x)
-            record(log, accounts, here, s // FACES, COLLISION, x, n, change)
-            _book_stop(ledger, here, RESTITUTED, s // FACES, obj, x, v, x, w)
+            record(world, here, s // FACES, COLLISION, x, n, change)
+            _book_stop(world.ledger, here, RESTITUTED, s // FACES, obj, x, v, x, w)
             v = w
     return after
 
 
 @kernel
-def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, met, count,
-             duration, t, x, v):
+def _collide(world, forces, here, courses, met, count, duration, t, x, v):
     """
     Collision with all surfaces that a particle approaches: the least push that does it.
 
@@ -271,31 +267,27 @@ def _collide(rules, forces, here, table, poses, courses, log, accounts, ledger, 
     those that have pushed.
     """
     fast = length(v)
-    collides, elastic = _demand(rules, forces, here, table, poses, courses, met, count, duration,
-                                t, x, v)
+    collides, elastic = _demand(world, forces, here, courses, met, count, duration, t, x, v)
     if elastic:
         for k in range(count):
             if met[k, SPEED] >= 0.0:
                 met[k, NEED] = -inf
     if collides:
-        accounts[here.block, N_COLLISION] += 1
+        world.accounts[here.block, N_COLLISION] += 1
     _, choice, parts = least_push(met, count)
     if choice[1] != NONE:
-        v = _push_jointly(here, table, poses, courses, log, accounts, ledger, met, choice,
-                          parts, t, x, v)
+        v = _push_jointly(world, here, courses, met, choice, parts, t, x, v)
     elif choice[0] != NONE:
         s, n = surface_of(met, choice[0]), facing(met, choice[0])
-        v = _push_one(here, table, poses, courses, log, accounts, ledger, s, n,
-                      met[choice[0], SPEED], parts[0], t, x, v)
+        v = _push_one(world, here, courses, s, n, met[choice[0], SPEED], parts[0], t, x, v)
     fast += length(parts)
     if elastic or count == 1:
         return v
-    rows = _hold_back(rules, forces, here, table, poses, courses, met, count, duration, t, x, v)
+    rows = _hold_back(world, forces, here, courses, met, count, duration, t, x, v)
     for k in range(3):
         if choice[k] != NONE:
             rows = turn_round(met, choice[k], rows)
-    return _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, rows, fast,
-                     t, x, v)
+    return _keep_out(world, here, courses, met, rows, fast, t, x, v)
 
 
 @inlined
@@ -327,7 +319,7 @@ def _is_squeezed(here, courses, poses, met, count, t, x, v):
 
 
 @kernel
-def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met, t, x, v):
+def _stop_jointly(world, here, courses, met, t, x, v):
     """
     End collisions without time between them: inelastic against all surfaces that are near.
 
@@ -337,14 +329,13 @@ def _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger, met
         On the surfaces that push, and approaching none.
 
     """
-    count = gather(rules, here, table, poses, courses, met, t, x, v, NEAR, True)
+    count = gather(world, here, courses, met, t, x, v, NEAR, True)
     for k in range(count):
         met[k, NEED] = -met[k, SPEED]
     _, choice, _ = least_push(met, count)
-    place, _ = onto_surfaces(here, table, poses, courses, surfaces_of(met, choice), t, x, v)
-    book_shift(ledger, here, RESTITUTED, subtract(place, x))
-    return place, _keep_out(rules, here, table, poses, courses, log, accounts, ledger, met, count,
-                            length(v), t, place, v)
+    place, _ = onto_surfaces(world, here, courses, surfaces_of(met, choice), t, x, v)
+    book_shift(world.ledger, here, RESTITUTED, subtract(place, x))
+    return place, _keep_out(world, here, courses, met, count, length(v), t, place, v)
 
 
 @inlined
@@ -356,32 +347,31 @@ def _drag_change(linear, wind, h, dx, dv):
 
 
 @kernel
-def _log_holds(forces, here, table, poses, courses, log, accounts, path, v, t, x1, v1):
+def _log_holds(forces, world, here, courses, path, v, t, x1, v1):
     """Log the impulses of the surfaces that held a particle on its path, from v to v1 at t."""
     h = t - path.since
     dv = add_scaled(subtract(v1, v), -h, forces.gravity)
     dv = _drag_change(forces.linear, forces.wind, h, subtract(x1, path.x), dv)
-    holds, n = path.holds, normal_at(here, table, poses, courses, path.holds[0], t, x1)
+    holds, n = path.holds, normal_at(world, here, courses, path.holds[0], t, x1)
     n1, n2 = n, n
     if holds[1] != NONE:
-        n1 = normal_at(here, table, poses, courses, holds[1], t, x1)
+        n1 = normal_at(world, here, courses, holds[1], t, x1)
     if holds[2] != NONE:
-        n2 = normal_at(here, table, poses, courses, holds[2], t, x1)
+        n2 = normal_at(world, here, courses, holds[2], t, x1)
     state = STICK if path.mode == RESTS else SLIDE
     if holds[1] != NONE:
         p = normal_forces(holds, n, n1, n2, n, n1, n2, -dot(n, dv), -dot(n1, dv), -dot(n2, dv))
         if is_finite(p, p):
-            record(log, accounts, here, holds[1] // FACES, state, x1, n1, scaled(p[1], n1))
+            record(world, here, holds[1] // FACES, state, x1, n1, scaled(p[1], n1))
             dv = add_scaled(dv, -p[1], n1)
             if holds[2] != NONE:
-                record(log, accounts, here, holds[2] // FACES, state, x1, n2, scaled(p[2], n2))
+                record(world, here, holds[2] // FACES, state, x1, n2, scaled(p[2], n2))
                 dv = add_scaled(dv, -p[2], n2)
-    record(log, accounts, here, holds[0] // FACES, state, x1, n, dv)
+    record(world, here, holds[0] // FACES, state, x1, n, dv)
 
 
 @kernel
-def _travel(rules, forces, here, table, poses, courses, work, log, accounts, ledger, mode, holds,
-            t, duration, x, v, pace):
+def _travel(world, forces, here, courses, work, mode, holds, t, duration, x, v, pace):
     """
     Go on to the next event, or to the end of the step.
 
@@ -397,60 +387,60 @@ def _travel(rules, forces, here, table, poses, courses, work, log, accounts, led
     """
     if mode == GLIDES:
         mode, forces = SLIDES, smooth(forces)
-    path, end, stopped, released, pace = next_event(
-        rules, forces, here, table, poses, courses, work, accounts, mode, holds, t, duration, x,
-        v, pace)
-    x1, v1 = state_at(rules, forces, here, table, poses, courses, work, path, end)
+    path, end, stopped, released, pace = next_event(world, forces, here, courses, work, mode,
+                                                    holds, t, duration, x, v, pace)
+    x1, v1 = state_at(world, forces, here, courses, work, path, end)
     if mode == SLIDES:
-        x1, v1 = onto_surfaces(here, table, poses, courses, path.holds, end, x1, v1)
+        x1, v1 = onto_surfaces(world, here, courses, path.holds, end, x1, v1)
     if stopped != NONE:
-        v1 = material_velocity(courses, poses, here, stopped // FACES, end, x1)
+        v1 = material_velocity(courses, world.poses, here, stopped // FACES, end, x1)
     if mode != FLIES:
-        _log_holds(forces, here, table, poses, courses, log, accounts, path, v, end, x1,
-                   v1)
-    book_path(ledger, rules, forces, here, table, poses, courses, work, path, end, x1, v1)
+        _log_holds(forces, world, here, courses, path, v, end, x1, v1)
+    book_path(world, forces, here, courses, work, path, end, x1, v1)
     return end, x1, v1, released, pace
 
 
 @inlined
-def _book_candidate(ledger, rules, here, v):
+def _book_candidate(world, here, v):
     """Book the flight of a particle that is stepped as by `collision_then_contact`."""
+    ledger, rules = world.ledger, world.rules
     if is_kept(ledger):
         u, w = fly(rules.flight, v)
         book_flight(ledger, here, rules.flight.dt, v, u, w, 1.0)
 
 
 @inlined
-def _jam(here, courses, poses, log, accounts, notes, ledger, s, n, t, duration, x, v):
+def _jam(world, here, courses, s, n, t, duration, x, v):
     """Fail-safe of a particle that closing surfaces hold: it goes along with the first."""
+    poses = world.poses
     c = s // FACES
-    accounts[here.block, N_FAIL_SAFE] += 1
-    note_unplaced(here, accounts, notes, c, NONE)
+    world.accounts[here.block, N_FAIL_SAFE] += 1
+    note_unplaced(world, here, c, NONE)
     obj = material_velocity(courses, poses, here, c, t, x)
     x1, v1 = resting_place(courses, poses, here, c, x, t, duration)
-    record(log, accounts, here, c, STICK, x1, n, subtract(v1, v))
-    _book_stop(ledger, here, REPULSED, c, obj, x, v, x1, v1)
+    record(world, here, c, STICK, x1, n, subtract(v1, v))
+    _book_stop(world.ledger, here, REPULSED, c, obj, x, v, x1, v1)
     return x1, v1
 
 
 @kernel
-def _settle(rules, here, table, poses, motion, courses, accounts, notes, met, duration, x0,
-            x, v):
+def _settle(world, here, courses, met, duration, x0, x, v):
     """Take rounding out of a place at the end of a step; who is deeper is pushed and counted."""
-    count = gather(rules, here, table, poses, courses, met, duration, x, v, 1.0, True)
+    table, accounts = world.table, world.accounts
+    count = gather(world, here, courses, met, duration, x, v, 1.0, True)
     for k in range(count):
         s = surface_of(met, k)
         c = s // FACES
-        gap, slope, _ = gap_to(here, table, poses, courses, c, s % FACES, table[c, SIDE],
-                               here.radius, duration, x)
-        shallow = gap >= -DEEP * touching_depth(table, poses, here, c, x)
+        gap, slope, _ = gap_to(world, here, courses, c, s % FACES, table[c, SIDE], here.radius,
+                               duration, x)
+        shallow = gap >= -DEEP * touching_depth(world, here, c, x)
         met[k, NEED] = -gap / slope * (1.0 + DEEP * EPSILON) if shallow else -inf
     x = add(x, least_push(met, count)[0])
-    if _is_inside(here, table, poses, courses, duration, x):
+    if _is_inside(world, here, courses, duration, x):
         accounts[here.block, N_FAIL_SAFE] += 1
-        x, c, other = push_out(rules, here, table, poses, motion, x0, x)
+        x, c, other = push_out(world, here, x0, x)
         if c != NONE:
-            note_unplaced(here, accounts, notes, c, other)
+            note_unplaced(world, here, c, other)
     return x
 
 
@@ -463,14 +453,13 @@ def _spot(here, forces, duration, v):
 
 
 @inlined
-def go_through(rules, forces, here, table, poses, motion, courses, work, met, log, accounts, notes,
-               ledger, duration, x, v):
+def go_through(world, forces, here, courses, work, met, duration, x, v):
     """
     Take a particle that starts outside all colliders through the events of a step.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, motion, courses, work, met, log, accounts, notes, ledger
+    world, forces, here, courses, work, met
         As in `step_events`.
     duration : float [s]
         Of the step.
@@ -482,73 +471,68 @@ def go_through(rules, forces, here, table, poses, motion, courses, work, met, lo
     x, v : (3,) tuple of float [m], [m/s]
 
     """
+    accounts = world.accounts
     t, last, rapid, released, pace, contacts, x0 = 0.0, -1.0, 0, NONE, duration, 0, x
     for _ in range(EVENTS):
         here = _spot(here, forces, duration, v)
         if t >= duration:
-            place = _settle(rules, here, table, poses, motion, courses, accounts, notes,
-                            met, duration, x0, x, v)
-            book_shift(ledger, here, REPULSED, subtract(place, x))
+            place = _settle(world, here, courses, met, duration, x0, x, v)
+            book_shift(world.ledger, here, REPULSED, subtract(place, x))
             return place, v
-        count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, True)
+        count = gather(world, here, courses, met, t, x, v, 1.0, True)
         if _approaches(met, count):
             hop = (length(forces.gravity) * (t - last) + length(v)) * (t - last)
             rapid = rapid + 1 if t == last or hop <= HOP * (length(x) + here.way) else 0
-            if count > 1 and _is_squeezed(here, courses, poses, met, count, t, x, v):
-                return _jam(here, courses, poses, log, accounts, notes, ledger,
-                            surface_of(met, 0), facing(met, 0), t, duration, x, v)
+            if count > 1 and _is_squeezed(here, courses, world.poses, met, count, t, x, v):
+                return _jam(world, here, courses, surface_of(met, 0), facing(met, 0), t, duration,
+                            x, v)
             if rapid <= CHATTER:
-                v = _collide(rules, forces, here, table, poses, courses, log, accounts, ledger,
-                             met, count, duration, t, x, v)
+                v = _collide(world, forces, here, courses, met, count, duration, t, x, v)
             else:
                 rapid = 0
-                x, v = _stop_jointly(rules, here, table, poses, courses, log, accounts, ledger,
-                                     met, t, x, v)
-                count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, False)
+                x, v = _stop_jointly(world, here, courses, met, t, x, v)
+                count = gather(world, here, courses, met, t, x, v, 1.0, False)
                 if _approaches(met, count):
-                    return _jam(here, courses, poses, log, accounts, notes, ledger,
-                                surface_of(met, 0), facing(met, 0), t, duration, x, v)
+                    return _jam(world, here, courses, surface_of(met, 0), facing(met, 0), t,
+                                duration, x, v)
             last, released = t, NONE
             continue
-        mode, holds = choose_mode(rules, forces, here, table, poses, courses, met, released, t, x,
-                                  v)
+        mode, holds = choose_mode(world, forces, here, courses, met, released, t, x, v)
         if mode != FLIES and contacts == 0:
             contacts = 1
             accounts[here.block, N_CONTACT] += 1
-        t, x, v, released, pace = _travel(
-            rules, forces, here, table, poses, courses, work, log, accounts, ledger, mode, holds,
-            t, duration, x, v, pace)
+        t, x, v, released, pace = _travel(world, forces, here, courses, work, mode, holds, t,
+                                          duration, x, v, pace)
     accounts[here.block, N_UNDECIDED] += 1
     return x, v
 
 
 @inlined
-def _step_particle(rules, forces, spot, table, poses, motion, courses, work, met, log, accounts,
-                   notes, ledger, nobody, duration, x0, v0):
+def _step_particle(world, forces, spot, courses, work, met, duration, x0, v0):
     """Take one particle through a step; place and velocity."""
-    u, w = fly(rules.flight, v0)
+    accounts = world.accounts
+    u, w = fly(world.rules.flight, v0)
     if not is_finite(add_scaled(x0, duration, u), w):
         return freeze(accounts, spot.block, x0)
     here, spot = as_here(spot), _spot(spot, forces, duration, v0)
-    if _is_inside(spot, table, poses, courses, 0.0, x0):
-        _book_candidate(ledger, rules, here, v0)
-        x1, v1 = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
-                         nobody)
+    if _is_inside(world, spot, courses, 0.0, x0):
+        _book_candidate(world, here, v0)
+        x1, v1 = resolve(world, here, x0, v0)
     else:
-        x1, v1 = go_through(rules, forces, spot, table, poses, motion, courses, work, met, log,
-                            accounts, notes, ledger, duration, x0, v0)
+        x1, v1 = go_through(world, forces, spot, courses, work, met, duration, x0, v0)
     return (x1, v1) if is_finite(x1, v1) else freeze(accounts, here.block, x0)
 
 
 @entry
-def step_events(posted, counters, rules, forces, duration, steps, table, poses, motion, courses,
-                radius, log, accounts, notes, x, v, ledger):
+def step_events(posted, counters, world, forces, duration, steps, courses):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.
 
     Parameters
     ----------
-    posted, counters, rules, steps, table, poses, motion, radius, log, accounts, notes, x, v
+    posted, counters : (1,), (SHARED,) int64
+        Of threads.share.
+    world, steps
         As in stepping.step_blocks.
     forces : sustained.Forces
         What acts on a particle in flight.
@@ -556,14 +540,12 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
         Of a step.
     courses : (S, C, courses.COURSE) float64
         How the colliders move; no rows where none does.
-    ledger : ledger.Ledger
-        Written, where there is one.
 
     """
+    table, accounts, x, v = world.table, world.accounts, world.x, world.v
     work, met = np.empty((ROWS, 6)), np.empty((FACES * table.shape[0] + 6, MET))
     everyone, answers = np.arange(table.shape[0]), np.empty((0, ANSWERS))
-    nobody = Candidates(np.empty((3, 0)), np.empty((3, 0)), np.empty(0, dtype=np.int8))
-    rows, turns = poses.shape[0] - 1, motion.shape[0] - 1
+    rows, turns = world.poses.shape[0] - 1, world.motion.shape[0] - 1
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
@@ -572,12 +554,10 @@ def step_events(posted, counters, rules, forces, duration, steps, table, poses, 
             accounts[block, N_LOGGED] = 0
             start, end = min(step, rows), min(step + 1, rows)
             for i in range(block * EVENT_BLOCK, min((block + 1) * EVENT_BLOCK, x.shape[1])):
-                spot = Spot(min(step, turns), start, end, block, i, radius_at(radius, i), everyone,
-                            answers, everyone[:0], 0.0)
+                spot = Spot(min(step, turns), start, end, block, i, radius_at(world.radius, i),
+                            everyone, answers, everyone[:0], 0.0)
                 x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
-                x1, v1 = _step_particle(rules, forces, spot, table, poses, motion, courses, work,
-                                        met, log, accounts, notes, ledger, nobody, duration, x0,
-                                        v0)
+                x1, v1 = _step_particle(world, forces, spot, courses, work, met, duration, x0, v0)
                 x[0, i], x[1, i], x[2, i] = x1
                 v[0, i], v[1, i], v[2, i] = v1
         block = fetch_add(counters, CLAIMED, 1)

@@ -54,14 +54,15 @@ def _book_momentum(ledger, here, gravity, drag):
 
 
 @inlined
-def book_friction(ledger, here, table, c, slip, dv_n, loss):
+def book_friction(world, here, c, slip, dv_n, loss):
     """Book the loss [J/kg] to friction of a collision that changes a slip [m/s]."""
+    ledger = world.ledger
     if is_kept(ledger):
-        book_loss(ledger, here, dry_share(table, c, slip, dv_n), loss, RESTITUTED)
+        book_loss(ledger, here, dry_share(world.table, c, slip, dv_n), loss, RESTITUTED)
 
 
 @kernel
-def _powers(rules, forces, here, table, poses, courses, path, t, x, v):
+def _powers(world, forces, here, courses, path, t, x, v):
     """
     Accelerations and powers of what acts on a particle in contact.
 
@@ -73,7 +74,8 @@ def _powers(rules, forces, here, table, poses, courses, path, t, x, v):
         Losses to friction.
 
     """
-    a, normal = held(rules, forces, here, table, poses, courses, path.holds, t, x, v)
+    table, poses = world.table, world.poses
+    a, normal = held(world, forces, here, courses, path.holds, t, x, v)
     c = path.holds[0] // FACES
     if path.mode == RESTS:
         a, normal = frame_acceleration(courses, poses, here, c, t, x, ZERO), ZERO
@@ -87,7 +89,7 @@ def _powers(rules, forces, here, table, poses, courses, path, t, x, v):
             dry -= table[s // FACES, KINETIC] * normal[k] * speed
             wet -= table[s // FACES, WET] * normal[k] * speed * speed
             if k > 0:
-                n = normal_at(here, table, poses, courses, s, t, x)
+                n = normal_at(world, here, courses, s, t, x)
                 push = add_scaled(ZERO, normal[k], n)
                 first = subtract(first, push)
                 second, third = (push, third) if k == 1 else (second, push)
@@ -95,15 +97,15 @@ def _powers(rules, forces, here, table, poses, courses, path, t, x, v):
 
 
 @kernel
-def book_path(ledger, rules, forces, here, table, poses, courses, work, path, t, x, v):
+def book_path(world, forces, here, courses, work, path, t, x, v):
     """
     Book what happens on a path until an event.
 
     Parameters
     ----------
-    ledger : ledger.Ledger
+    world : ledger.Ledger
         Where to book.
-    rules, forces, here, table, poses, courses, work
+    world, forces, here, courses, work
         As in exact.py.
     path : paths.Path
         The way from the last event.
@@ -113,6 +115,7 @@ def book_path(ledger, rules, forces, here, table, poses, courses, work, path, t,
         Where and how fast it ends.
 
     """
+    ledger, poses = world.ledger, world.poses
     if is_kept(ledger):
         h, dv = t - path.since, subtract(v, path.v)
         gain, fall = kinetic(path.v, v), dot(forces.gravity, subtract(x, path.x))
@@ -126,9 +129,9 @@ def book_path(ledger, rules, forces, here, table, poses, courses, work, path, t,
         drag, one, two, three = 0.0, 0.0, 0.0, 0.0
         for node in range(4):
             time, part = path.since + NODES[node] * h, WEIGHTS[node] * h
-            y, u = state_at(rules, forces, here, table, poses, courses, work, path, time)
-            by_drag, f1, f2, f3, dry_power, wet_power = _powers(
-                rules, forces, here, table, poses, courses, path, time, y, u)
+            y, u = state_at(world, forces, here, courses, work, path, time)
+            by_drag, f1, f2, f3, dry_power, wet_power = _powers(world, forces, here, courses, path,
+                                                                time, y, u)
             slowed = add_scaled(slowed, part, by_drag)
             second, third = add_scaled(second, part, f2), add_scaled(third, part, f3)
             dry, wet = dry + part * dry_power, wet + part * wet_power

@@ -39,30 +39,30 @@ NOISE = 16.0 * EPSILON  # relative size of a change of place that is only roundi
 
 
 @kernel
-def _midpoints(rules, forces, here, table, poses, courses, holds, t, x, v, a, h, count):
+def _midpoints(world, forces, here, courses, holds, t, x, v, a, h, count):
     """Gragg's modified midpoint rule with `count` substeps, an even number."""
     s = h / count
     x0, v0 = x, v
     x1, v1 = add_scaled(x, s, v), add_scaled(v, s, a)
     for m in range(1, count):
-        a, _ = held(rules, forces, here, table, poses, courses, holds, t + m * s, x1, v1)
+        a, _ = held(world, forces, here, courses, holds, t + m * s, x1, v1)
         x0, x1 = x1, add_scaled(x0, 2.0 * s, v1)
         v0, v1 = v1, add_scaled(v0, 2.0 * s, a)
     return x1, v1
 
 
 @kernel
-def _implicit_steps(rules, forces, here, table, poses, courses, holds, t, x, v, along, across,
-                    rates, h, count):
+def _implicit_steps(world, forces, here, courses, holds, t, x, v, along, across, rates, h, count):
     """
     Linearly implicit Euler rule with `count` substeps; `rates` as from `stiffness`.
 
     Friction depends on the velocity relative to the first collider, whose material point, where
     the particle is, accelerates by itself: that part is explicit.
     """
+    poses = world.poses
     s, c = h / count, holds[0] // FACES
     for m in range(count):
-        a, _ = held(rules, forces, here, table, poses, courses, holds, t + m * s, x, v)
+        a, _ = held(world, forces, here, courses, holds, t + m * s, x, v)
         if holds[0] != NONE:
             w = subtract(v, material_velocity(courses, poses, here, c, t + m * s, x))
             own = frame_acceleration(courses, poses, here, c, t + m * s, x,
@@ -88,13 +88,13 @@ def _grip(dry, wet, table, c, normal):
 
 
 @kernel
-def stiffness(rules, forces, here, table, poses, courses, holds, t, x, v, normal):
+def stiffness(world, forces, here, courses, holds, t, x, v, normal):
     """
     Rates at which drag and friction slow a particle and turn its velocity.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, holds, t, x, v
+    world, forces, here, courses, holds, t, x, v
         As in `integrate`.
     normal : (3,) tuple of float [m/s^2]
         Normal forces per unit mass.
@@ -108,32 +108,33 @@ def stiffness(rules, forces, here, table, poses, courses, holds, t, x, v, normal
         In all other directions, along, and across.
 
     """
+    rules = world.rules
     k = forces.linear
     if holds[0] == NONE:
         return ZERO, ZERO, (k, k, k)
-    w = subtract(v, material_velocity(courses, poses, here, holds[0] // FACES, t, x))
+    w = subtract(v, material_velocity(courses, world.poses, here, holds[0] // FACES, t, x))
     speed, grip, wet = length(w), 0.0, 0.0
     if speed == 0.0:
         return ZERO, ZERO, (k, k, k)
     for j in range(3):
         if holds[j] != NONE:
-            hold, rate = _grip(rules.dry, rules.wet, table, holds[j] // FACES, normal[j])
+            hold, rate = _grip(rules.dry, rules.wet, world.table, holds[j] // FACES, normal[j])
             grip, wet = grip + max(hold, 0.0), wet + max(rate, 0.0)
     along = (w[0] / speed, w[1] / speed, w[2] / speed)
-    across = cross(normal_at(here, table, poses, courses, holds[0], t, x), along)
+    across = cross(normal_at(world, here, courses, holds[0], t, x), along)
     if holds[1] != NONE:        # on an edge there is one direction only
         across, grip = ZERO, 0.0
     return along, across, (k, k + wet, k + wet + grip / speed)
 
 
 @kernel
-def integrate(rules, forces, here, table, poses, courses, work, stiff, holds, t, x, v, h):
+def integrate(world, forces, here, courses, work, stiff, holds, t, x, v, h):
     """
     One extrapolated step along the surfaces that hold a particle.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, work
+    world, forces, here, courses, work
         As in exact.py.
     stiff : bool
         Which of the two rules.
@@ -151,17 +152,15 @@ def integrate(rules, forces, here, table, poses, courses, work, stiff, holds, t,
         Of the changes, relative; NaN or infinite if the step failed.
 
     """
-    a, normal = held(rules, forces, here, table, poses, courses, holds, t, x, v)
-    along, across, rates = stiffness(rules, forces, here, table, poses, courses, holds, t, x, v,
-                                     normal)
+    a, normal = held(world, forces, here, courses, holds, t, x, v)
+    along, across, rates = stiffness(world, forces, here, courses, holds, t, x, v, normal)
     power = 1 if stiff else 2
     for row in range(ROWS):
         if stiff:
-            x1, v1 = _implicit_steps(rules, forces, here, table, poses, courses, holds, t, x, v,
-                                     along, across, rates, h, row + 1)
+            x1, v1 = _implicit_steps(world, forces, here, courses, holds, t, x, v, along, across,
+                                     rates, h, row + 1)
         else:
-            x1, v1 = _midpoints(rules, forces, here, table, poses, courses, holds, t, x, v, a, h,
-                                2 * row + 2)
+            x1, v1 = _midpoints(world, forces, here, courses, holds, t, x, v, a, h, 2 * row + 2)
         for d in range(3):      # changes, so that extrapolation does not amplify rounding of x
             new, fast = x1[d] - x[d], v1[d] - v[d]
             for k in range(row):

@@ -149,24 +149,26 @@ def drawn_in(table, c, face, q, margin):
 
 
 @inlined
-def _close_in(rules, here, poses, motion, c, k, n, tau, x0, margin):
+def _close_in(world, here, c, k, n, tau, x0, margin):
     """
     Whether two colliders come together at the start of a step, along normal n of the first.
 
     What they meet at is then not a seam: a particle in between is pressed.
     """
+    poses, motion = world.poses, world.motion
     if tau > 0.0:
         return False
-    dt = rules.flight.dt
+    dt = world.rules.flight.dt
     one = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     other = chord_velocity(motion, poses, here.step, here.start, k, x0, dt)
     return dt * dot(subtract(one, other), rotate(poses, here.start, c, n)) > margin
 
 
 @inlined
-def _place_at(poses, motion, here, c, tau, q):
+def _place_at(world, here, c, tau, q):
     """Where a point in the frame of a collider is in the world, at a time of the step."""
-    back, axis, angle = relative_motion(motion, here.step, c, (0.0, 0.0, 0.0))
+    poses = world.poses
+    back, axis, angle = relative_motion(world.motion, here.step, c, (0.0, 0.0, 0.0))
     arm = rotate(poses, here.start, c, q)
     if angle > 0.0:
         arm = turned(axis, angle * tau, arm)
@@ -174,13 +176,14 @@ def _place_at(poses, motion, here, c, tau, q):
 
 
 @inlined
-def _distance_at(rules, table, poses, motion, here, c, tau, point):
+def _distance_at(world, here, c, tau, point):
     """Signed distance [m] of a point of the world to a collider, at a time of the step."""
-    move, axis, angle = relative_motion(motion, here.step, c, (0.0, 0.0, 0.0))
+    poses = world.poses
+    move, axis, angle = relative_motion(world.motion, here.step, c, (0.0, 0.0, 0.0))
     arm = add_scaled(subtract(point, origin(poses, here.start, c)), tau, move)
     if angle > 0.0:
         arm = turned(axis, -angle * tau, arm)
-    return arm_distance(rules.present, table, poses, here.start, c, arm)[0]
+    return arm_distance(world.rules.present, world.table, poses, here.start, c, arm)[0]
 
 
 @inlined
@@ -195,13 +198,13 @@ def leans(depth, deeper, margin):
 
 
 @kernel
-def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_inside, far):
+def is_covered(world, here, c, face, q, tau, x0, starts_inside, far):
     """
     Whether another collider covers a face at the point below q, or comes as near as a seam.
 
     Parameters
     ----------
-    rules, here, table, poses, motion
+    world, here
         As in response.resolve.
     c, face : int
         Collider and face.
@@ -219,37 +222,38 @@ def is_covered(rules, here, table, poses, motion, c, face, q, tau, x0, starts_in
         colliders are looked at.
 
     """
+    table, poses = world.table, world.poses
     place = origin(poses, here.start, c)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
     p = drawn_in(table, c, face, q, 2.0 * margin)
     n = face_at(table, c, face, p)[1]
-    probe = _place_at(poses, motion, here, c, tau, add_scaled(p, margin, n))
+    probe = _place_at(world, here, c, tau, add_scaled(p, margin, n))
     for m in range(table.shape[0] if far else here.chosen.shape[0]):
         k, depth = (m if far else here.chosen[m]), 0.0
         if k != c:
-            depth = -_distance_at(rules, table, poses, motion, here, k, tau, probe)
+            depth = -_distance_at(world, here, k, tau, probe)
         if depth >= 0.5 * margin:
             if depth <= 2.0 * margin:
-                further = _place_at(poses, motion, here, c, tau, add_scaled(p, 2.0 * margin, n))
-                if leans(depth, -_distance_at(rules, table, poses, motion, here, k, tau, further),
+                further = _place_at(world, here, c, tau, add_scaled(p, 2.0 * margin, n))
+                if leans(depth, -_distance_at(world, here, k, tau, further),
                          margin):
                     continue
-            gap = signed_distance(rules.present, table, poses, here.start, k, x0)[0]
+            gap = signed_distance(world.rules.present, table, poses, here.start, k, x0)[0]
             rounding = ROUNDING * (largest(x0) + largest(place) + table[k, SIZE])
-            if starts_inside or (gap >= -rounding and not _close_in(
-                    rules, here, poses, motion, c, k, n, tau, x0, margin)):
+            if starts_inside or (gap >= -rounding and not _close_in(world, here, c, k, n, tau, x0,
+                                                                    margin)):
                 return True
     return False
 
 
 @kernel
-def nearest_face(rules, here, table, poses, motion, row, c, x):
+def nearest_face(world, here, row, c, x):
     """
     Height over the nearest face that nobody covers, and its normal, for a point in a collider.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, c
+    world, here, c
         As in `is_covered`.
     row : int
         Row of poses at the start or at the end of the step.
@@ -264,6 +268,7 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
         World frame.
 
     """
+    table, poses = world.table, world.poses
     q = rotate_back(poses, row, c, subtract(x, origin(poses, row, c)))
     taken, first, tau = 0, NONE, 0.0 if row == here.start else 1.0
     inside = False
@@ -275,8 +280,8 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
                 face, height = f, h
         if first == NONE:
             inside = height < -seam_width(table, c, origin(poses, row, c))
-        if face == NONE or not is_covered(rules, here, table, poses, motion, c, face, q, tau, x,
-                                          inside, inside or taken != 0):
+        if face == NONE or not is_covered(world, here, c, face, q, tau, x, inside,
+                                          inside or taken != 0):
             break
         taken, first = taken | 1 << face, (face if first == NONE else first)
     height, n = face_at(table, c, first if face == NONE else face, q)
@@ -284,12 +289,13 @@ def nearest_face(rules, here, table, poses, motion, row, c, x):
 
 
 @kernel
-def goes_through(table, poses, here, c, face, x0, x1):
+def goes_through(world, here, c, face, x0, x1):
     """
     Whether a way from x0 to x1 that comes in by a face ends beyond the opposite one, or the side.
 
     Then it does not just pass over another face, that of a tile which is flush.
     """
+    table, poses = world.table, world.poses
     q0 = rotate_back(poses, here.start, c, subtract(x0, origin(poses, here.start, c)))
     q1 = rotate_back(poses, here.end, c, subtract(x1, origin(poses, here.end, c)))
     slack, outside = seam_width(table, c, origin(poses, here.end, c)), False
@@ -302,13 +308,13 @@ def goes_through(table, poses, here, c, face, x0, x1):
 
 
 @kernel
-def crossed_face(rules, here, table, poses, motion, c, x0, x1):
+def crossed_face(world, here, c, x0, x1):
     """
     Answering face of a particle that starts outside a collider and ends in it or on it.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, c
+    world, here, c
         As in `is_covered`.
     x0, x1 : (3,) tuple of float [m]
         Start and end of the step, world frame.
@@ -323,6 +329,7 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
         When it comes to that face, from 0 to 1, or PAST.
 
     """
+    table, poses = world.table, world.poses
     q0 = rotate_back(poses, here.start, c, subtract(x0, origin(poses, here.start, c)))
     q1 = rotate_back(poses, here.end, c, subtract(x1, origin(poses, here.end, c)))
     slack = seam_width(table, c, origin(poses, here.end, c))
@@ -337,7 +344,7 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
             if face == NONE or t > time or (t == time and h > height):
                 face, time, height = f, t, h
         if face == NONE and first == NONE:
-            return *nearest_face(rules, here, table, poses, motion, here.end, c, x1), 0.0
+            return *nearest_face(world, here, here.end, c, x1), 0.0
         if face == NONE:
             face, time = first, first_time
             break
@@ -345,8 +352,7 @@ def crossed_face(rules, here, table, poses, motion, c, x0, x1):
         if taken == 0:
             when = min(time, 1.0)
             at = add_scaled(q0, when, subtract(q1, q0))
-        if not is_covered(rules, here, table, poses, motion, c, face, at, when, x0, False,
-                          taken != 0):
+        if not is_covered(world, here, c, face, at, when, x0, False, taken != 0):
             break
         if first == NONE or first_time == PAST > time:      # it is just not beyond a seam
             first, first_time = face, time

@@ -194,8 +194,9 @@ def book_loss(ledger, here, share, loss, otherwise):
 
 
 @inlined
-def book_collision(ledger, here, table, touch, dv_n, before, after):
+def book_collision(world, here, touch, dv_n, before, after):
     """Book a collision that changes the velocity at the start of the step."""
+    ledger = world.ledger
     if is_kept(ledger):
         c, n, obj = touch.collider, touch.normal, touch.obj
         dv, v_n = subtract(after, before), touch.v_n
@@ -203,7 +204,7 @@ def book_collision(ledger, here, table, touch, dv_n, before, after):
         slip = length(add_scaled(subtract(before, obj), -v_n, n))
         book_impulse(ledger, here, c, dot(dv, obj), dv)
         book(ledger, here, RESTITUTED, lost)
-        book_loss(ledger, here, dry_share(table, c, slip, dv_n),
+        book_loss(ledger, here, dry_share(world.table, c, slip, dv_n),
                   kinetic(before, after) - dot(dv, obj) - lost, RESTITUTED)
 
 
@@ -229,24 +230,21 @@ def book_pull(ledger, here, dt, du, lawful):
 
 
 @inlined
-def book_contact(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
-                 lawful):
+def book_contact(world, here, touch, n_end, x0, u, u1, w, w1, lost, lawful):
     """Book a pass of the contact stage as `book_pass`, where a ledger is kept."""
-    if is_kept(ledger):
-        by_address(rules.present.modules, BOOK_PASS, book_pass, True,
-                   (ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1,
-                    lost, lawful))
+    if is_kept(world.ledger):
+        by_address(world.rules.present.modules, BOOK_PASS, book_pass, True,
+                   (world, here, touch, n_end, x0, u, u1, w, w1, lost, lawful))
 
 
 @kernel
-def book_pass(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1, w, w1, lost,
-              lawful):
+def book_pass(world, here, touch, n_end, x0, u, u1, w, w1, lost, lawful):
     """
     Book a pass of the contact stage.
 
     Parameters
     ----------
-    ledger, rules, here, table, poses, motion, x0
+    world, here, x0
         As in `response.resolve`.
     touch, n_end : Touch, (3,) tuple of float
         The collider, and the normal along which the second half of a contact of second order
@@ -260,8 +258,9 @@ def book_pass(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1
         and what gravity does on the way is its work.
 
     """
-    c, dt = touch.collider, rules.flight.dt
-    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
+    ledger = world.ledger
+    c, dt = touch.collider, world.rules.flight.dt
+    obj = chord_velocity(world.motion, world.poses, here.step, here.start, c, x0, dt)
     dw, du = subtract(w1, w), subtract(u1, u)
     middle = add(touch.normal, n_end)
     n = scaled(1.0 / length(middle), middle)
@@ -278,7 +277,7 @@ def book_pass(ledger, rules, here, table, poses, motion, touch, n_end, x0, u, u1
     slip = add_scaled(relative, -dot(relative, n), n)
     book(ledger, here, RESTITUTED, lost)
     book(ledger, here, CONTACT, along - lost)
-    book_loss(ledger, here, dry_share(table, c, length(slip), abs(dot(dw, n))),
+    book_loss(ledger, here, dry_share(world.table, c, length(slip), abs(dot(dw, n))),
               rest - along, CONTACT)
     return True
 
@@ -294,35 +293,32 @@ def lost_in_pass(table, touch, target):
 
 
 @inlined
-def book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u1, w, w1):
+def book_joint(world, here, one, two, x0, u, u1, w, w1):
     """Book a contact with two colliders at once, as `book_contact`."""
-    if is_kept(ledger):
-        dt = rules.flight.dt
+    poses, motion = world.poses, world.motion
+    if is_kept(world.ledger):
+        dt = world.rules.flight.dt
         obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
         obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
-        book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT,
-                     False)
+        book_at_once(world, here, one, two, obj1, obj2, u, u1, w, w1, 0.0, CONTACT, False)
 
 
 @inlined
-def book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
-                 lawful):
+def book_at_once(world, here, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise, lawful):
     """Book what two colliders do at once as `book_two`, where a ledger is kept."""
-    if is_kept(ledger):
-        by_address(rules.present.modules, BOOK_TWO, book_two, True,
-                   (ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost,
-                    otherwise, lawful))
+    if is_kept(world.ledger):
+        by_address(world.rules.present.modules, BOOK_TWO, book_two, True,
+                   (world, here, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise, lawful))
 
 
 @kernel
-def book_two(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise,
-             lawful):
+def book_two(world, here, one, two, obj1, obj2, u, u1, w, w1, lost, otherwise, lawful):
     """
     Book what two colliders do at once.
 
     Parameters
     ----------
-    ledger, rules, here, table
+    world, here
         As in `response.resolve`.
     one, two : Touch
         The colliders and their normals.
@@ -338,7 +334,8 @@ def book_two(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, los
         As in `book_pass`.
 
     """
-    dt, n1, n2 = rules.flight.dt, one.normal, two.normal
+    ledger = world.ledger
+    dt, n1, n2 = world.rules.flight.dt, one.normal, two.normal
     dw, du, mean = subtract(w1, w), subtract(u1, u), scaled(0.5, add(w, w1))
     first, a, b = two_parts(n1, n2, dw)
     _, au, bu = two_parts(n1, n2, du)
@@ -354,14 +351,15 @@ def book_two(ledger, rules, here, table, one, two, obj1, obj2, u, u1, w, w1, los
     book(ledger, here, otherwise, along - lost)
     slip = subtract(mean, obj1)
     slip = add_scaled(slip, -dot(slip, n1), n1)
-    book_loss(ledger, here, dry_share(table, one.collider, length(slip), abs(a)),
+    book_loss(ledger, here, dry_share(world.table, one.collider, length(slip), abs(a)),
               kinetic(w, w1) - pull - work1 - work2 - along, otherwise)
     return True
 
 
 @inlined
-def book_placing(ledger, rules, here, poses, motion, c, x0, x1, x2, w, w1):
+def book_placing(world, here, c, x0, x1, x2, w, w1):
     """Book a push from x1 to x2, and with a fail-safe of collider c a change of velocity."""
+    ledger, rules, poses, motion = world.ledger, world.rules, world.poses, world.motion
     if is_kept(ledger):
         obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
         dw = subtract(w1, w)

@@ -79,13 +79,13 @@ def _sort_in(table, poses, row, met, last):
 
 
 @kernel
-def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
+def gather(world, here, courses, met, t, x, v, share, leaving):
     """
     Gather the surfaces that a particle touches.
 
     Parameters
     ----------
-    rules, here, table, poses, courses
+    world, here, courses
         As in exact.py.
     met : (M, MET) float64
         Overwritten.
@@ -102,13 +102,13 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
         Of rows; their normal velocities are 0 where that is only rounding.
 
     """
+    table, poses = world.table, world.poses
     count = 0
     for c in range(table.shape[0]):
         side = table[c, SIDE]
         for face in range(faces(table, c, side)):
-            gap, _, n = gap_to(here, table, poses, courses, c, face, side, here.radius, t,
-                               x)
-            touching = share * touching_depth(table, poses, here, c, x)
+            gap, _, n = gap_to(world, here, courses, c, face, side, here.radius, t, x)
+            touching = share * touching_depth(world, here, c, x)
             if gap > touching:
                 continue
             obj = material_velocity(courses, poses, here, c, t, x)
@@ -116,23 +116,22 @@ def gather(rules, here, table, poses, courses, met, t, x, v, share, leaving):
             w, s = subtract(v, obj), FACES * c + face
             other = 0
             if not dot(w, n) > rounding:    # who goes over a seam leaves it to the next collider
-                other = open_face(rules, here, table, poses, courses, c, here.radius, t, x, n,
-                                  touching)
+                other = open_face(world, here, courses, c, here.radius, t, x, n, touching)
             if other > 0:
                 s = FACES * c + other
-                n = gap_to(here, table, poses, courses, c, other, side, here.radius, t,
-                           x)[2]
+                n = gap_to(world, here, courses, c, other, side, here.radius, t, x)[2]
             v_n = dot(w, n)
-            if not leaving and (v_n > rounding or (v_n >= -rounding and runs_off(
-                    here, table, poses, courses, c, t, x, w, n, touching, rounding))):
+            if not leaving and (v_n > rounding or (v_n >= -rounding and runs_off(world, here,
+                                                                                 courses, c, t, x,
+                                                                                 w, n, touching,
+                                                                                 rounding))):
                 continue
             if v_n < -rounding:
-                beside = face_beside(rules, here, table, poses, courses, c, here.radius, t, x, w,
-                                     touching, rounding)
+                beside = face_beside(world, here, courses, c, here.radius, t, x, w, touching,
+                                     rounding)
                 if beside > 0:
                     s, v_n = FACES * c + beside, 0.0
-                    n = gap_to(here, table, poses, courses, c, beside, side, here.radius,
-                               t, x)[2]
+                    n = gap_to(world, here, courses, c, beside, side, here.radius, t, x)[2]
             met[count, LAWS], met[count, LAWS + 1] = table[c, STATIC], table[c, KINETIC]
             met[count, LAWS + 2], met[count, LAWS + 3] = table[c, WET], table[c, RESTITUTION]
             for d in range(3):

@@ -266,9 +266,9 @@ def reach_of(radius, move, x0, x1):
 
 
 @inlined
-def chosen_within(around, here, table, poses, x0, reach):
+def chosen_within(around, world, here, x0, reach):
     """Give `here` with the colliders chosen that a particle may touch within reach [m] of x0."""
-    count = choose(around.grid, table, poses, here.start, x0, reach, around.chosen)
+    count = choose(around.grid, world.table, world.poses, here.start, x0, reach, around.chosen)
     return Here(here.step, here.start, here.end, here.block, here.particle, here.radius,
                 around.chosen[:count], here.answers, here.only)
 

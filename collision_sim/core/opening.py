@@ -25,10 +25,12 @@ from collision_sim.core.ledger import book_pass, book_two
 from collision_sim.core.mesh import mesh_distance
 from collision_sim.core.mesh_blocks import mark_near_box, mark_on_way
 from collision_sim.core.mesh_contact import depth_at, hit_on_way, mesh_end, mesh_gap, mesh_hit
+from collision_sim.core.mesh_way import ANSWERS
 from collision_sim.core.modules import (BLOCKER, BOOK_PASS, BOOK_TWO, MEETING_ON_PATH,
                                         MESH_BOXES, MESH_DEPTH, MESH_DISTANCE, MESH_END, MESH_GAP,
                                         MESH_HIT, MESH_WAY, MESHES_ON_WAY, NORMAL_BETWEEN,
                                         SURVEY_PATH, TO_BOTH_SURFACES, TO_SURFACE)
+from collision_sim.core.reference import refer
 from collision_sim.core.rules import Here, NOTHING
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import DISTANCE
@@ -45,7 +47,7 @@ def open_meshes(present, table, poses, motion):
     present : shapes.Present
         Its addresses are written.
     table, poses, motion
-        As in plan.Parts.
+        As in world.World.
 
     """
     meshes, modules, at, i, r = present.meshes, present.modules, DISTANCE[1], 0, 0.0
@@ -67,70 +69,68 @@ def open_meshes(present, table, poses, motion):
 
 
 @entry
-def open_paths(rules, table, poses, motion, accounts):
+def open_paths(world):
     """
-    Open what looks along the paths of particles, for the scene with these tables.
+    Open what looks along the paths of particles.
 
     Parameters
     ----------
-    rules : rules.Rules
+    world : world.World
         The addresses in it are written.
-    table, poses, motion, accounts
-        As in plan.Parts.
 
     """
-    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    chosen = np.empty(0, dtype=np.int64)
-    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+    modules, at, i, r, flag = world.rules.present.modules, DISTANCE[1], 0, 0.0, False
+    chosen, answers = np.empty(0, dtype=np.int64), np.empty((0, ANSWERS))
+    here = Here(i, i, i, i, i, r, chosen, answers, chosen)
     open_kernel(modules, SURVEY_PATH, survey_path, (NOTHING, i), (
-        rules, here, table, poses, motion, accounts, at, at, at, at, flag))
+        world, here, at, at, at, at, flag))
     open_kernel(modules, MEETING_ON_PATH, meeting_on_path, (NOTHING, r, r), (
-        rules, here, table, poses, motion, accounts, i, r, at, at, at, at, flag))
-    open_kernel(modules, BLOCKER, first_on_way, i, (rules, here, table, poses, motion, at, at))
+        world, here, i, r, at, at, at, at, flag))
+    open_kernel(modules, BLOCKER, first_on_way, i, (world, here, at, at))
 
 
 @entry
-def open_second_order(rules, table, poses, motion):
-    """Open what contacts of second order need; the arguments are as in `open_paths`."""
-    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    chosen = np.empty(0, dtype=np.int64)
-    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+def open_second_order(world):
+    """Open what contacts of second order need; `world` is as in `open_paths`."""
+    modules, at, i, r, flag = world.rules.present.modules, DISTANCE[1], 0, 0.0, False
+    chosen, answers = np.empty(0, dtype=np.int64), np.empty((0, ANSWERS))
+    here = Here(i, i, i, i, i, r, chosen, answers, chosen)
     open_kernel(modules, NORMAL_BETWEEN, normal_between, (at, flag, flag), (
-        rules, here, table, poses, i, at, at, r, at))
+        world, here, i, at, at, r, at))
     open_kernel(modules, TO_SURFACE, to_surface, (at, at, at, flag), (
-        rules, here, table, poses, motion, at, at, NOTHING, at))
+        world, here, at, at, NOTHING, at))
     open_kernel(modules, TO_BOTH_SURFACES, to_both_surfaces, (at, at), (
-        rules, here, table, poses, motion, at, at, NOTHING, NOTHING, at, at))
+        world, here, at, at, NOTHING, NOTHING, at, at))
 
 
 @entry
-def open_ledger(rules, table, poses, motion, ledger):
-    """Open what books; the arguments are as in `open_paths`."""
-    modules, at, i, r, flag = rules.present.modules, DISTANCE[1], 0, 0.0, False
-    chosen = np.empty(0, dtype=np.int64)
-    here = Here(i, i, i, i, i, r, chosen, table, chosen)
+def open_ledger(world):
+    """Open what books; `world` is as in `open_paths`."""
+    modules, at, i, r, flag = world.rules.present.modules, DISTANCE[1], 0, 0.0, False
+    chosen, answers = np.empty(0, dtype=np.int64), np.empty((0, ANSWERS))
+    here = Here(i, i, i, i, i, r, chosen, answers, chosen)
     open_kernel(modules, BOOK_PASS, book_pass, flag, (
-        ledger, rules, here, table, poses, motion, NOTHING, at, at, at, at, at, at, r, flag))
+        world, here, NOTHING, at, at, at, at, at, at, r, flag))
     open_kernel(modules, BOOK_TWO, book_two, flag, (
-        ledger, rules, here, table, NOTHING, NOTHING, at, at, at, at, at, at, r, i, flag))
+        world, here, NOTHING, NOTHING, at, at, at, at, at, at, r, i, flag))
 
 
-def open_modules(parts):
+def open_modules(world):
     """
     Open the modules that the steps of a scene need.
 
     Parameters
     ----------
-    parts : plan.Parts
+    world : world.World
         Of a step in this scene.
 
     """
-    rules, table, poses, motion = parts.rules, parts.table, parts.poses, parts.motion
+    rules, world = world.rules, refer(world)
     if rules.present.meshes.heads.size:
-        open_meshes(rules.present, table, poses, motion)
+        open_meshes(rules.present, world.table, world.poses, world.motion)
     if rules.sweep:
-        open_paths(rules, table, poses, motion, parts.accounts)
+        open_paths(world)
     if rules.second:
-        open_second_order(rules, table, poses, motion)
-    if len(parts.ledger.rows):
-        open_ledger(rules, table, poses, motion, parts.ledger)
+        open_second_order(world)
+    if len(world.ledger.rows):
+        open_ledger(world)

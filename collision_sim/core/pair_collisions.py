@@ -90,31 +90,33 @@ def relative_change(rules, relative, n):
 @inlined
 def _fly_on(stage, i, before, after):
     """Give particle i another velocity at the start of the step, and fly it anew."""
-    candidates = stage.candidates
+    world = stage.world
+    candidates = world.candidates
     here = account_of(i // BLOCK, i)
     old = column(candidates.u, i)
-    u, w = fly_anew(candidates, stage.ledger, here, stage.rules.flight, before, after, old,
+    u, w = fly_anew(world, here, world.rules.flight, before, after, old,
                     column(candidates.w, i))
-    put(stage.v, i, after)
+    put(world.v, i, after)
     put(candidates.u, i, u)
     put(candidates.w, i, w)
     candidates.settled[i] = 1
-    stage.meetings.states[i, DRIFT] += stage.rules.flight.dt * length(subtract(u, old))
+    stage.meetings.states[i, DRIFT] += world.rules.flight.dt * length(subtract(u, old))
 
 
 @inlined
 def change(stage, i, after, work):
     """Change the velocity of particle i; `work` [J/kg] is what colliders have done to it."""
-    before = column(stage.v, i)
+    world = stage.world
+    before = column(world.v, i)
     _fly_on(stage, i, before, after)
-    book(stage.ledger, account_of(i // BLOCK, i), INTERNAL,
+    book(world.ledger, account_of(i // BLOCK, i), INTERNAL,
          kinetic(before, after) - work)
 
 
 @inlined
 def _collide(stage, p):
     """Let the particles of pair p collide by themselves."""
-    meetings, matter, v = stage.meetings, stage.matter, stage.v
+    meetings, matter, v = stage.meetings, stage.matter, stage.world.v
     i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
     n = (meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2])
     dv = relative_change(stage.pair_rules, subtract(column(v, i), column(v, j)), n)
@@ -126,13 +128,13 @@ def _collide(stage, p):
 @kernel
 def _collide_with_wall(stage, k):
     """Let a particle collide with a collider by itself."""
+    world = stage.world
     values, i = stage.walls.values, stage.walls.ends[k, 0]
     here = account_of(i // BLOCK, i)
     touch = Touch(stage.walls.ends[k, 1], at(values, k, ALONG), at(values, k, COLLIDER_VELOCITY),
                   at(values, k, WHERE), values[k, APPROACH], 0.0, True, False)
-    before = column(stage.v, i)
-    after = collide_with_collider(here, stage.table, stage.log, stage.accounts,
-                                  stage.ledger, touch, before)
+    before = column(world.v, i)
+    after = collide_with_collider(world, here, touch, before)
     _fly_on(stage, i, before, after)
 
 
@@ -163,15 +165,16 @@ def follow(stage, i, base, tolerance):
 
     Nothing is to be done if it ends no farther than `tolerance` [m] from where it was found.
     """
-    moved, meetings, x, dt = stage.moved, stage.meetings, stage.x, stage.rules.flight.dt
-    part = dt if not stage.rules.sweep else 0.5 * dt
-    u, shift = column(stage.candidates.u, i), meetings.states[i, DRIFT]
+    world = stage.world
+    moved, meetings, x, dt = stage.moved, stage.meetings, world.x, world.rules.flight.dt
+    part = dt if not world.rules.sweep else 0.5 * dt
+    u, shift = column(world.candidates.u, i), meetings.states[i, DRIFT]
     if not shift > tolerance:
         return 0
     meetings.states[i, DRIFT] = 0.0
     centre = add_scaled(column(x, i), part, u)
     extent = base
-    if stage.rules.sweep:
+    if world.rules.sweep:
         extent = base + part * length(u)
     move(stage.cells, moved, i, centre, extent, shift)
     find_around(stage.cells, moved, i)
@@ -180,7 +183,7 @@ def follow(stage, i, base, tolerance):
         j, p = moved.found[k], meetings.size[0]
         if can_meet(stage.matter, i, j) and not _is_listed(meetings, i, j):
             if p == meetings.ends.shape[0]:
-                stage.accounts[0, N_UNDECIDED] += 1
+                world.accounts[0, N_UNDECIDED] += 1
                 return p - before
             meetings.ends[p, FIRST], meetings.ends[p, SECOND] = i, j
             meetings.known[p] = recall(stage.memory, i, j)
@@ -193,7 +196,7 @@ def follow(stage, i, base, tolerance):
 @inlined
 def _comes_now(stage, i, order):
     """Whether what has an order is first for particle i, or happens at once with what is."""
-    return not stage.rules.sweep or order <= stage.meetings.states[i, SOONEST] + TIE
+    return not stage.world.rules.sweep or order <= stage.meetings.states[i, SOONEST] + TIE
 
 
 @inlined
@@ -258,13 +261,14 @@ def _forget_parts(stage):
 @kernel
 def _body_of(stage, size, i):
     """Body of particle i; a new one, behind `size` others, if it has none; and their number."""
+    world = stage.world
     pile = stage.pile
     if pile.body[i] != NONE:
         return pile.body[i], size
     pile.body[i], pile.particle[size] = size, i
     pile.bodies[size, INVERSE] = stage.matter.inverse[i]
-    put_at(pile.bodies, size, FREE, column(stage.v, i))
-    put_at(pile.bodies, size, ENDING, column(stage.v, i))
+    put_at(pile.bodies, size, FREE, column(world.v, i))
+    put_at(pile.bodies, size, ENDING, column(world.v, i))
     return size, size + 1
 
 
@@ -288,7 +292,7 @@ def _list_together(stage):
         if max(meetings.states[i, BUSY], meetings.states[j, BUSY]) > 1 and _is_pair_now(stage, p):
             a, size = _body_of(stage, size, i)
             b, size = _body_of(stage, size, j)
-            _write_contact(pile, c, a, b, stage.table.shape[0], p,
+            _write_contact(pile, c, a, b, stage.world.table.shape[0], p,
                            (meetings.normal[p, 0], meetings.normal[p, 1], meetings.normal[p, 2]))
             c += 1
     pairs = c
@@ -322,6 +326,7 @@ def _note(meetings, i, turn):
 @kernel
 def _take_over(stage, size, pairs, contacts, turn):
     """Give the particles what the group collisions have made of their velocities."""
+    world = stage.world
     pile, meetings, walls = stage.pile, stage.meetings, stage.walls
     for body in range(size):
         pile.work[body] = 0.0
@@ -336,17 +341,17 @@ def _take_over(stage, size, pairs, contacts, turn):
             _note(meetings, pile.particle[a], turn)
             if c < pairs:
                 _note(meetings, pile.particle[pile.ends[c, SECOND]], turn)
-                stage.accounts[0, N_PAIR_COLLISION] += 1
+                world.accounts[0, N_PAIR_COLLISION] += 1
             else:
                 i, k = pile.particle[a], pile.source[c]
                 here = account_of(i // BLOCK, i)
                 dv, obj = scaled(pile.bodies[a, INVERSE], impulse), at(pile.bodies,
                                                                        pile.ends[c, SECOND], FREE)
-                record(stage.log, stage.accounts, here, walls.ends[k, 1], COLLISION,
-                       at(walls.values, k, WHERE), at(pile.contacts, c, NORMAL), dv)
-                book_impulse(stage.ledger, here, walls.ends[k, 1], dot(dv, obj), dv)
+                record(world, here, walls.ends[k, 1], COLLISION, at(walls.values, k, WHERE),
+                       at(pile.contacts, c, NORMAL), dv)
+                book_impulse(world.ledger, here, walls.ends[k, 1], dot(dv, obj), dv)
                 pile.work[a] += dot(dv, obj)
-                stage.accounts[here.block, N_COLLISION] += 1
+                world.accounts[here.block, N_COLLISION] += 1
     for c in range(contacts):
         for end in range(2 if c < pairs else 1):
             body = pile.ends[c, end]
@@ -360,7 +365,7 @@ def _take_over(stage, size, pairs, contacts, turn):
 @kernel
 def _is_first(stage, c):
     """Whether contact c has the least order of all that its particles take part in."""
-    pile, meetings, pairs = stage.pile, stage.meetings, stage.table.shape[0]
+    pile, meetings, pairs = stage.pile, stage.meetings, stage.world.table.shape[0]
     if pile.ends[c, LAW_ROW] == pairs:
         p = pile.source[c]
         order = meetings.order[p]
@@ -374,7 +379,7 @@ def _is_first(stage, c):
 def _collide_group(stage, dry, wet, first, count, room):
     """Let a group of contacts collide at once."""
     friction = collide_group(dry, wet, stage.pair_rules.laws, stage.pile, first, count, room)
-    stage.accounts[0, N_UNSETTLED] += friction == OPEN
+    stage.world.accounts[0, N_UNSETTLED] += friction == OPEN
 
 
 @kernel
@@ -419,7 +424,7 @@ def _respond(stage, dry, wet, room, turn):
                 _collide(stage, p)
                 _note(meetings, i, turn)
                 _note(meetings, j, turn)
-                stage.accounts[0, N_PAIR_COLLISION] += 1
+                stage.world.accounts[0, N_PAIR_COLLISION] += 1
             else:
                 together = True
     for k in range(walls.size[0]):
@@ -438,14 +443,15 @@ def _respond(stage, dry, wet, room, turn):
 @inlined
 def _look_at_pairs(stage, i, turn):
     """Look at the pairs of particle i again, unless they have been in this round."""
+    world = stage.world
     meetings, code = stage.meetings, int(stage.meetings.states[i, HEAD])
     while code != NONE:
         p = code >> 1
         if meetings.looked[p] != turn and can_meet(stage.matter, meetings.ends[p, FIRST],
                                                    meetings.ends[p, SECOND]):
             meetings.looked[p] = turn
-            look_at(stage.rules.sweep, stage.pair_rules.slow, stage.rules.flight.dt, stage.matter,
-                    stage.memory, stage.x, stage.v, stage.candidates, meetings, p)
+            look_at(world.rules.sweep, stage.pair_rules.slow, world.rules.flight.dt, stage.matter,
+                    stage.memory, world.x, world.v, world.candidates, meetings, p)
             if meetings.order[p] < inf:
                 meetings.active[meetings.size[1]] = p
                 meetings.size[1] += 1
@@ -513,7 +519,7 @@ def _begin(stage, answers):
 @inlined
 def _run_rounds(stage, dry, wet, base, room, turn, answers):
     """Let all collide that do, round by round; the number of the next round."""
-    going, slack = True, stage.rules.flight.dt * stage.pair_rules.slow
+    going, slack = True, stage.world.rules.flight.dt * stage.pair_rules.slow
     while going:
         _choose(stage)
         _count_parts(stage)
@@ -541,9 +547,10 @@ def collide_all(stage, dry, wet, base, bounced, bounces):
         Of bounces.find_bounces.
 
     """
+    world = stage.world
     room = make_room()
-    answers = keep_answers(stage.rules.present.meshes, stage.table)
-    meetings, listed, count = stage.meetings, 1, stage.x.shape[1]
+    answers = keep_answers(world.rules.present.meshes, world.table)
+    meetings, listed, count = stage.meetings, 1, world.x.shape[1]
     before, after, kept = np.empty((count, 6)), np.empty((count, 6)), np.empty(count, np.int8)
     begin_moves(stage.cells, stage.moved)
     _begin(stage, answers)

@@ -23,7 +23,7 @@ from math import inf
 from typing import NamedTuple
 
 from collision_sim.core.around import find_around, move, Moved
-from collision_sim.core.candidates import Candidates, is_settled, mean_anew
+from collision_sim.core.candidates import is_settled, mean_anew
 from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
@@ -35,11 +35,12 @@ from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
-from collision_sim.core.rules import Here, NONE, ROUNDING, Rules
+from collision_sim.core.rules import Here, NONE, ROUNDING
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.ties import stands_first
 from collision_sim.core.vectors import add_scaled, dot, largest, length, scaled, subtract
+from collision_sim.core.world import World
 import numpy as np
 
 # Marks of a particle whose colliders were looked at: it is away from them; near one; near one, and
@@ -75,15 +76,14 @@ class Stage(NamedTuple):
     """
     What the stages of a step between particles work on.
 
-    rules: what a step does, with a collision stage; pair_rules, matter, meetings, memory,
-    cells, moved, pile, candidates: of the modules that say so; table, poses, motion, log,
-    accounts, ledger: of response.py; x, v (3, N) [m], [m/s]; walls: scratch. everyone (C,):
-    all colliders. Nearly all are written. moves: whether a collider moves; bounces: whether
+    world: with rules that have a collision stage; pair_rules, matter, meetings, memory, cells,
+    moved, pile: of the modules that say so; walls: scratch. everyone (C,): all colliders. Nearly
+    all are written. moves: whether a collider moves; bounces: whether
     contacts with colliders are elastic, as there is no collision stage (`single_pass` and
     `multi_pass`).
     """
 
-    rules: Rules
+    world: World
     pair_rules: PairRules
     matter: Matter
     meetings: Meetings
@@ -92,15 +92,6 @@ class Stage(NamedTuple):
     moved: Moved
     pile: Pile
     walls: Walls
-    candidates: Candidates
-    table: np.ndarray
-    poses: np.ndarray
-    motion: np.ndarray
-    log: np.ndarray
-    accounts: np.ndarray
-    ledger: tuple
-    x: np.ndarray
-    v: np.ndarray
     everyone: np.ndarray
     moves: bool
     bounces: bool
@@ -109,8 +100,9 @@ class Stage(NamedTuple):
 @inlined
 def here_of(stage, i, answers):
     """Where particle i is looked at."""
-    return Here(0, 0, min(1, stage.poses.shape[0] - 1), i // BLOCK, i, stage.matter.radius[i],
-                stage.everyone, answers, stage.walls.one)
+    end = min(1, stage.world.poses.shape[0] - 1)
+    return Here(0, 0, end, i // BLOCK, i, stage.matter.radius[i], stage.everyone, answers,
+                stage.walls.one)
 
 
 @kernel
@@ -125,11 +117,12 @@ def _may_meet_still(present, table, poses, end, radius, x1, way):
 @inlined
 def _comes_before(stage, k, m):
     """Whether row k comes before row m: by its normal, its order, what the collider is."""
+    world = stage.world
     values, ends = stage.walls.values, stage.walls.ends
     for column_ in (ALONG, ALONG + 1, ALONG + 2, ORDER):
         if values[k, column_] != values[m, column_]:
             return values[k, column_] < values[m, column_]
-    return stands_first(stage.table, stage.poses, 0, ends[k, 1], at(values, k, ALONG), ends[m, 1],
+    return stands_first(world.table, world.poses, 0, ends[k, 1], at(values, k, ALONG), ends[m, 1],
                         at(values, m, ALONG))
 
 
@@ -149,17 +142,18 @@ def sort_walls(stage, first):
 @kernel
 def _is_near(stage, i):
     """Whether particle i may meet a collider in the step."""
-    x0, u, poses = column(stage.x, i), column(stage.candidates.u, i), stage.poses
-    x1 = add_scaled(x0, stage.rules.flight.dt, u)
+    world = stage.world
+    x0, u, poses = column(world.x, i), column(world.candidates.u, i), world.poses
+    x1 = add_scaled(x0, world.rules.flight.dt, u)
     return stage.moves or _may_meet_still(
-        stage.rules.present, stage.table, poses, poses.shape[0] - 1, stage.matter.radius[i], x1,
+        world.rules.present, world.table, poses, poses.shape[0] - 1, stage.matter.radius[i], x1,
         length(subtract(x1, x0)))
 
 
 @inlined
 def _rests_on(stage, i, c, v_n):
     """Whether particle i pressed on collider c, and comes no faster [m/s] than who rests on it."""
-    row = recall(stage.memory, i, stage.x.shape[1] + c)
+    row = recall(stage.memory, i, stage.world.x.shape[1] + c)
     return row != NONE and v_n >= -resting_speed(stage.memory, row, stage.pair_rules.slow,
                                                  stage.matter.inverse[i])
 
@@ -167,16 +161,16 @@ def _rests_on(stage, i, c, v_n):
 @kernel
 def _list_walls(stage, i, answers):
     """List the collisions of particle i with colliders that are near its path."""
-    walls, x0, v0 = stage.walls, column(stage.x, i), column(stage.v, i)
-    u, rules, here = column(stage.candidates.u, i), stage.rules, here_of(stage, i, answers)
+    world = stage.world
+    walls, x0, v0 = stage.walls, column(world.x, i), column(world.v, i)
+    u, rules, here = column(world.candidates.u, i), world.rules, here_of(stage, i, answers)
     x1 = add_scaled(x0, rules.flight.dt, u)
     first = walls.size[0]
     if is_spent(stage.meetings, i):
         return
-    for c in range(stage.table.shape[0]):
+    for c in range(world.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
-        touch, _ = detect(rules, here, stage.table, stage.poses, stage.motion,
-                          stage.accounts, x0, x1, v0, u, first >= 0)
+        touch, _ = detect(world, here, x0, x1, v0, u, first >= 0)
         least = ROUNDING * (largest(v0) + largest(u) + largest(touch.obj))
         if touch.hit and touch.v_n < -least - stage.meetings.states[i, BLUR] and (
                 k < walls.ends.shape[0]) and not _rests_on(stage, i, c, touch.v_n):
@@ -219,7 +213,8 @@ def meet_walls(stage, i, answers):
 @kernel
 def _throw_back(stage, i, answers):
     """Whether a collider throws particle i back, and its velocity and mean velocity [m/s] then."""
-    walls, v, u = stage.walls, column(stage.v, i), column(stage.candidates.u, i)
+    world = stage.world
+    walls, v, u = stage.walls, column(world.v, i), column(world.candidates.u, i)
     first, k = walls.size[0], NONE
     _list_walls(stage, i, answers)
     for other in range(first, walls.size[0]):
@@ -229,21 +224,22 @@ def _throw_back(stage, i, answers):
     if k == NONE:
         return False, v, u
     c, v_n = walls.ends[k, 1], walls.values[k, APPROACH]
-    after, _ = respond(stage.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
+    after, _ = respond(world.table, c, v, at(walls.values, k, COLLIDER_VELOCITY),
                        at(walls.values, k, ALONG), v_n,
-                       normal_impulse(v_n, stage.table[c, RESTITUTION]))
-    return True, after, mean_anew(stage.rules.flight, v, after, u)
+                       normal_impulse(v_n, world.table[c, RESTITUTION]))
+    return True, after, mean_anew(world.rules.flight, v, after, u)
 
 
 @kernel
 def _is_in_contact(stage, i):
     """Whether particle i is close enough to another one at the end to be in contact with it."""
-    meetings, code, dt = stage.meetings, int(stage.meetings.states[i, HEAD]), stage.rules.flight.dt
+    world = stage.world
+    meetings, code, dt = stage.meetings, int(stage.meetings.states[i, HEAD]), world.rules.flight.dt
     while code != NONE:
         a, b = meetings.ends[code >> 1, FIRST], meetings.ends[code >> 1, SECOND]
         size = stage.matter.radius[a] + stage.matter.radius[b]
-        gap, _ = end_normal(stage.rules.sweep, dt, size, stage.x,
-                            subtract(column(stage.v, a), column(stage.v, b)), stage.candidates,
+        gap, _ = end_normal(world.rules.sweep, dt, size, world.x,
+                            subtract(column(world.v, a), column(world.v, b)), world.candidates,
                             a, b)
         if gap - TOUCH * size <= dt * stage.pair_rules.slow and can_meet(stage.matter, a, b):
             return True
@@ -254,27 +250,29 @@ def _is_in_contact(stage, i):
 @kernel
 def lead(stage, i, v, u, base):
     """Give particle i other velocities, without an account, and another place in the grid."""
-    moved, dt = stage.moved, stage.rules.flight.dt
-    put(stage.v, i, v)
-    put(stage.candidates.u, i, u)
+    world = stage.world
+    moved, dt = stage.moved, world.rules.flight.dt
+    put(world.v, i, v)
+    put(world.candidates.u, i, u)
     part, extent = dt, moved.extent[i]
-    if stage.rules.sweep:
+    if world.rules.sweep:
         part = 0.5 * dt
         extent = base + part * length(u)
-    before, centre = column(moved.centre, i), add_scaled(column(stage.x, i), part, u)
+    before, centre = column(moved.centre, i), add_scaled(column(world.x, i), part, u)
     move(stage.cells, moved, i, centre, extent, length(subtract(centre, before)))
 
 
 @kernel
 def _meets_somebody(stage, i):
     """Whether particle i meets another one in the step."""
+    world = stage.world
     find_around(stage.cells, stage.moved, i)
     for k in range(stage.moved.size[1]):
         j = stage.moved.found[k]
         if can_meet(stage.matter, i, j):
-            order, _ = meet(stage.rules.sweep, stage.rules.flight.dt,
-                            stage.matter.radius[i] + stage.matter.radius[j], stage.x,
-                            subtract(column(stage.v, i), column(stage.v, j)), stage.candidates,
+            order, _ = meet(world.rules.sweep, world.rules.flight.dt,
+                            stage.matter.radius[i] + stage.matter.radius[j], world.x,
+                            subtract(column(world.v, i), column(world.v, j)), world.candidates,
                             i, j)
             if order < inf:
                 return True
@@ -284,6 +282,7 @@ def _meets_somebody(stage, i):
 @kernel
 def _find_at_walls(stage, mark, bounced, bounces):
     """Find those with a mark that may collide with a collider; how many are `fresh`."""
+    world = stage.world
     meetings, size = stage.meetings, 0
     for block in range(bounces.shape[0]):
         for k in range(block * BLOCK, block * BLOCK + bounces[block, 0]):
@@ -293,7 +292,7 @@ def _find_at_walls(stage, mark, bounced, bounces):
                 if bounced[k] >= 0:
                     meetings.fresh[size] = i
                     size += 1
-    if stage.rules.sweep:
+    if world.rules.sweep:
         for p in range(meetings.size[0]):
             for end in range(2):
                 i = meetings.ends[p, end]
@@ -303,23 +302,24 @@ def _find_at_walls(stage, mark, bounced, bounces):
                         meetings.states[i, NEAR] = AT_WALL
                         meetings.fresh[size] = i
                         size += 1
-    sort_by_place(stage.x, stage.v, meetings.fresh, size)
+    sort_by_place(world.x, world.v, meetings.fresh, size)
     return size
 
 
 @kernel
 def _pushed_by(stage, here, c, gap, n, x0, u):
     """Place [m] to which collider c pushes a particle that ends in it, by a gap [m] below 0."""
-    i, dt, table = here.particle, stage.rules.flight.dt, stage.table
-    obj = chord_velocity(stage.motion, stage.poses, here.step, here.start, c, x0, dt)
+    world = stage.world
+    i, dt, table = here.particle, world.rules.flight.dt, world.table
+    obj = chord_velocity(world.motion, world.poses, here.step, here.start, c, x0, dt)
     lag = dot(n, subtract(obj, u))
-    depth = starts_inside(stage.rules, here, table, stage.poses, stage.motion, c, x0)
+    depth = starts_inside(world, here, c, x0)
     dv_n, left = max(lag, 0.0), 0.0
     if depth > 0.0:
-        dv_n = max(lag + repulsion(depth, dt, stage.rules.share, stage.rules.highest), 0.0)
+        dv_n = max(lag + repulsion(depth, dt, world.rules.share, world.rules.highest), 0.0)
     else:
         if (stage.bounces or stage.meetings.states[i, NEAR] == LEFT) and not (
-                is_settled(stage.candidates, i)):
+                is_settled(world.candidates, i)):
             dv_n *= 1.0 + table[c, RESTITUTION]
         left = max(-gap - dt * dv_n, 0.0)
     if dv_n > 0.0:
@@ -330,12 +330,13 @@ def _pushed_by(stage, here, c, gap, n, x0, u):
 @kernel
 def _deepest_wall(stage, here, x0, x1):
     """Collider that a particle is deepest in at x1, or NONE, the gap [m] and the normal."""
+    world = stage.world
     c, deepest, normal = NONE, 0.0, (0.0, 0.0, 1.0)
-    for k in range(stage.table.shape[0]):
+    for k in range(world.table.shape[0]):
         stage.walls.one[0] = k
-        gap, n = end_distance(stage.rules, here, stage.table, stage.poses, stage.motion, k, x0, x1)
+        gap, n = end_distance(world, here, k, x0, x1)
         if gap < deepest or (c != NONE and gap == deepest and stands_first(
-                stage.table, stage.poses, here.end, k, n, c, normal)):
+                world.table, world.poses, here.end, k, n, c, normal)):
             c, deepest, normal = k, gap, n
     return c, deepest, normal
 
@@ -349,9 +350,10 @@ def pushed_place(stage, i, answers):
     has started inside, no faster than it is repelled. Of one whose collisions are still to come
     the deepest only: what others then do is for the next step, which keeps its speed.
     """
-    x0, here, u = column(stage.x, i), here_of(stage, i, answers), column(stage.candidates.u, i)
-    place, depth, dt = add_scaled(x0, stage.rules.flight.dt, u), 0.0, stage.rules.flight.dt
-    for turn in range(SIDES if is_settled(stage.candidates, i) else 1):
+    world = stage.world
+    x0, here, u = column(world.x, i), here_of(stage, i, answers), column(world.candidates.u, i)
+    place, depth, dt = add_scaled(x0, world.rules.flight.dt, u), 0.0, world.rules.flight.dt
+    for turn in range(SIDES if is_settled(world.candidates, i) else 1):
         c, gap, n = _deepest_wall(stage, here, x0, place)
         if turn == 0:
             depth = -gap
@@ -373,6 +375,7 @@ def list_thrown(stage, mark, base, bounced, bounces, before, after, kept, answer
     then to where the collider pushes them there, and back; those that are in contact with somebody
     as it is are listed as well.
     """
+    world = stage.world
     struck, size, listed = stage.meetings.fresh, 0, 0
     found = _find_at_walls(stage, mark, bounced, bounces)
     for k in range(found):
@@ -380,8 +383,8 @@ def list_thrown(stage, mark, base, bounced, bounces, before, after, kept, answer
         hits, v, u = _throw_back(stage, i, answers)
         if hits:
             struck[size], kept[size] = i, _is_in_contact(stage, i)
-            put_at(before, size, 0, column(stage.v, i))
-            put_at(before, size, 3, column(stage.candidates.u, i))
+            put_at(before, size, 0, column(world.v, i))
+            put_at(before, size, 3, column(world.candidates.u, i))
             put_at(after, size, 0, v)
             put_at(after, size, 3, u)
             size += 1
@@ -391,11 +394,11 @@ def list_thrown(stage, mark, base, bounced, bounces, before, after, kept, answer
         kept[k] = kept[k] or _meets_somebody(stage, struck[k])
     for k in range(size):
         if stage.bounces:
-            put(stage.candidates.u, struck[k], at(before, k, 3))
+            put(world.candidates.u, struck[k], at(before, k, 3))
         depth, place = pushed_place(stage, struck[k], answers)
         if depth > 0.0:
-            put_at(after, k, 3, scaled(1.0 / stage.rules.flight.dt, subtract(
-                place, column(stage.x, struck[k]))))
+            put_at(after, k, 3, scaled(1.0 / world.rules.flight.dt, subtract(
+                place, column(world.x, struck[k]))))
     for k in range(size):
         lead(stage, struck[k], at(after, k, 0), at(after, k, 3), base[struck[k]])
     for k in range(size):

@@ -69,13 +69,13 @@ class Path(NamedTuple):
 
 
 @kernel
-def state_at(rules, forces, here, table, poses, courses, work, path, t):
+def state_at(world, forces, here, courses, work, path, t):
     """
     Position and velocity on a path at a time.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, work
+    world, forces, here, courses, work
         As in exact.py.
     path : Path
         The way of the particle.
@@ -87,6 +87,7 @@ def state_at(rules, forces, here, table, poses, courses, work, path, t):
     x, v : (3,) tuple of float [m], [m/s]
 
     """
+    poses = world.poses
     h = t - path.since
     if path.mode == RESTS:
         return resting_place(courses, poses, here, path.holds[0] // FACES, path.x, path.since, t)
@@ -100,9 +101,9 @@ def state_at(rules, forces, here, table, poses, courses, work, path, t):
                  path.x[2] + (p * path.v[2] + q * path.a[2])),
                 (e0 * path.v[0] + p * path.a[0], e0 * path.v[1] + p * path.a[1],
                  e0 * path.v[2] + p * path.a[2]))
-    x, v, _ = integrate(rules, forces, here, table, poses, courses, work, path.stiff, path.holds,
-                        path.since, path.x, path.v, h)
-    return onto_surfaces(here, table, poses, courses, path.holds, t, x, v)
+    x, v, _ = integrate(world, forces, here, courses, work, path.stiff, path.holds, path.since,
+                        path.x, path.v, h)
+    return onto_surfaces(world, here, courses, path.holds, t, x, v)
 
 
 @inlined
@@ -145,8 +146,9 @@ def safe_time(gap, rate, bend):
 
 
 @inlined
-def _turns_in_itself(table, poses, here, c, axis):
+def _turns_in_itself(world, here, c, axis):
     """Whether a shape of revolution, or a plane, turns about its own axis."""
+    table, poses = world.table, world.poses
     if table[c, KIND] == BOX:
         return False
     z = (poses[here.start, c, 2], poses[here.start, c, 5], poses[here.start, c, 8])
@@ -197,16 +199,17 @@ def _bend_growth(table, c, face, side, radius, w, alpha, jerk, h):
 
 
 @kernel
-def _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x, v, gap, rate, n,
-             w, touching):
+def _step_to(world, here, courses, path, c, face, side, radius, t, end, x, v, gap, rate, n, w,
+             touching):
     """Time from t for which a gap stays positive, as far as is known there: see `first_time`."""
+    table, poses = world.table, world.poses
     middle = centre(courses, poses, here, c, t)
     own, bound, jerk = _acceleration(here, poses, courses, path, t, x, v)
     a = subtract(own, frame_acceleration(courses, poses, here, c, t, middle, ZERO))
     jerk += largest_jerk(courses, here, c)
     arm, spin, axis = subtract(x, middle), spin_rate(courses, here, c), spin_axis(courses, here, c)
     drift = add(w, cross(axis, add_scaled(ZERO, spin, arm)))
-    if _turns_in_itself(table, poses, here, c, axis):
+    if _turns_in_itself(world, here, c, axis):
         spin, w = 0.0, drift
     now = _bend(table, c, face, side, radius, gap, n, w, a, bound)
     h, step, most = end - t, 0.0, length(a) + bound + jerk * (end - t)
@@ -236,8 +239,7 @@ def _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x
 
 
 @kernel
-def first_time(rules, forces, here, table, poses, courses, work, accounts, path, c, face, side,
-               radius, t, end, latest):
+def first_time(world, forces, here, courses, work, path, c, face, side, radius, t, end, latest):
     """
     First time at which a particle on its path comes to a surface.
 
@@ -248,7 +250,7 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, work, accounts
+    world, forces, here, courses, work
         As in exact.py.
     path : Path
         The way of the particle.
@@ -266,34 +268,31 @@ def first_time(rules, forces, here, table, poses, courses, work, accounts, path,
 
     """
     for _ in range(QUERIES):
-        x, v = state_at(rules, forces, here, table, poses, courses, work, path, t)
-        gap, slope, n = gap_to(here, table, poses, courses, c, face, side, radius, t, x)
-        obj = material_velocity(courses, poses, here, c, t, x)
-        touching, rate = touching_depth(table, poses, here, c, x), dot(subtract(v, obj), n)
+        x, v = state_at(world, forces, here, courses, work, path, t)
+        gap, slope, n = gap_to(world, here, courses, c, face, side, radius, t, x)
+        obj = material_velocity(courses, world.poses, here, c, t, x)
+        touching, rate = touching_depth(world, here, c, x), dot(subtract(v, obj), n)
         rounding = ROUNDING * (largest(v) + largest(obj))
         if gap <= touching:
             beside = 0
             if abs(rate) <= rounding and face == 0 and side > 0.0:  # it may fall along a seam
-                beside = open_face(rules, here, table, poses, courses, c, radius, t, x, n,
-                                   DEEPER * touching)
+                beside = open_face(world, here, courses, c, radius, t, x, n, DEEPER * touching)
                 if beside > 0:
-                    gap, slope, n = gap_to(here, table, poses, courses, c, beside, side,
-                                           radius, t, x)
+                    gap, slope, n = gap_to(world, here, courses, c, beside, side, radius, t, x)
                     rate, beside = dot(subtract(v, obj), n), 0
             if rate < -rounding and face == 0 and side > 0.0:
-                beside = face_beside(rules, here, table, poses, courses, c, radius, t, x,
-                                     subtract(v, obj), touching, rounding)
+                beside = face_beside(world, here, courses, c, radius, t, x, subtract(v, obj),
+                                     touching, rounding)
             if beside > 0:
-                gap, slope, n = gap_to(here, table, poses, courses, c, beside, side, radius,
-                                       t, x)
+                gap, slope, n = gap_to(world, here, courses, c, beside, side, radius, t, x)
                 rate = dot(subtract(v, obj), n)
             if rate < -rounding:
                 return t
             rate = max(rate, 0.0)
-        step = _step_to(here, table, poses, courses, path, c, face, side, radius, t, end, x, v,
-                        gap, slope * rate, n, subtract(v, obj), touching)
+        step = _step_to(world, here, courses, path, c, face, side, radius, t, end, x, v, gap,
+                        slope * rate, n, subtract(v, obj), touching)
         if t + step >= latest:
             return inf
         t += max(step, EPSILON * end)
-    accounts[here.block, N_UNDECIDED] += 1
+    world.accounts[here.block, N_UNDECIDED] += 1
     return t

@@ -93,8 +93,9 @@ def _end_bound(part, rests, spent, v_n, gap, mean, fast):
 
 
 @inlined
-def _pair_bounds(rules, pair_rules, dt, size, x, v, candidates, i, j, rests, spent, n, gap, anew):
+def _pair_bounds(world, pair_rules, dt, size, x, v, i, j, rests, spent, n, gap, anew):
     """Bounds of the normal velocities of a pair with a gap [m] at the end of its candidates."""
+    rules, candidates = world.rules, world.candidates
     xi, xj = column(x, i), column(x, j)
     depth = size - length(subtract(xi, xj))
     if depth > ROUNDING * (largest(xi) + largest(xj) + size):
@@ -112,15 +113,16 @@ def _is_in_contact(stage, again, p, i, j, closeness):
     if again:
         heat = stage.meetings.heat
         return stage.meetings.looked[p] <= IN_CONTACT and (heat[i] == HOT or heat[j] == HOT)
-    return closeness <= stage.rules.flight.dt * stage.pair_rules.slow
+    return closeness <= stage.world.rules.flight.dt * stage.pair_rules.slow
 
 
 @kernel
 def list_pairs(stage, again):
     """List the pairs that are in contact; how many bodies and contacts there are."""
-    rules, pair_rules, meetings = stage.rules, stage.pair_rules, stage.meetings
-    x, v, candidates, matter, pile = stage.x, stage.v, stage.candidates, stage.matter, stage.pile
-    size, c, dt, law = 0, 0, rules.flight.dt, stage.table.shape[0]
+    world = stage.world
+    rules, pair_rules, meetings = world.rules, stage.pair_rules, stage.meetings
+    x, v, candidates, matter, pile = world.x, world.v, world.candidates, stage.matter, stage.pile
+    size, c, dt, law = 0, 0, rules.flight.dt, world.table.shape[0]
     for p in range(meetings.size[0]):
         i, j = meetings.ends[p, FIRST], meetings.ends[p, SECOND]
         extent = matter.radius[i] + matter.radius[j]
@@ -131,12 +133,12 @@ def list_pairs(stage, again):
         in_contact = can_meet(matter, i, j) and _is_in_contact(stage, again, p, i, j,
                                                                gap - TOUCH * extent)
         if in_contact and (c == pile.ends.shape[0] or size + 2 > pile.bodies.shape[0]):
-            stage.accounts[0, N_UNDECIDED] += 1
+            world.accounts[0, N_UNDECIDED] += 1
         elif in_contact:
             anew, known = meetings.looked[p] <= MET_ANEW, meetings.known[p]
             meetings.looked[p] = MET if anew else IN_CONTACT
             spent = is_spent(meetings, i) or is_spent(meetings, j)
-            mean, end = _pair_bounds(rules, pair_rules, dt, extent, x, v, candidates, i, j,
+            mean, end = _pair_bounds(world, pair_rules, dt, extent, x, v, i, j,
                                      known != NONE, spent, n, gap, anew)
             a, size = body_of(pile, size, candidates, matter.inverse, i)
             b, size = body_of(pile, size, candidates, matter.inverse, j)
@@ -187,10 +189,11 @@ def _gap_on_way(stage, here, c, x0, x1, gap, n):
     As response.py acts on it with sweeps: who meets a surface ends on the plane that touches it
     there. The end normal is for those who touch it from the start, or do not hit it.
     """
-    rules, poses, motion, dt = stage.rules, stage.poses, stage.motion, stage.rules.flight.dt
-    if starts_inside(rules, here, stage.table, poses, motion, c, x0) > 0.0:
+    world = stage.world
+    poses, motion, dt = world.poses, world.motion, world.rules.flight.dt
+    if starts_inside(world, here, c, x0) > 0.0:
         return gap, n
-    tau, n_hit, _, _ = path_hit(rules, here, stage.table, poses, motion, c, x0, x1)
+    tau, n_hit, _, _ = path_hit(world, here, c, x0, x1)
     if 0.0 < tau <= 1.0:
         obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
         way = subtract(subtract(x1, x0), scaled(dt, obj))
@@ -201,18 +204,19 @@ def _gap_on_way(stage, here, c, x0, x1, gap, n):
 @kernel
 def _find_supports(stage, here, x0):
     """List the colliders that a particle may press on among the walls, sorted."""
-    rules, walls, dt = stage.rules, stage.walls, stage.rules.flight.dt
-    u = column(stage.candidates.u, here.particle)
+    world = stage.world
+    rules, walls, dt = world.rules, stage.walls, world.rules.flight.dt
+    u = column(world.candidates.u, here.particle)
     x1, path = add_scaled(x0, dt, u), scaled(dt, u)
     way = length(path)
     walls.size[0] = 0
-    for c in range(stage.table.shape[0]):
+    for c in range(world.table.shape[0]):
         walls.one[0], k = c, walls.size[0]
         if stage.moves:     # as it is seen from the collider; who turns far away comes no nearer
-            way = length(subtract(path, subtract(origin(stage.poses, here.end, c),
-                                                 origin(stage.poses, here.start, c))))
+            way = length(subtract(path, subtract(origin(world.poses, here.end, c),
+                                                 origin(world.poses, here.start, c))))
         reach = SUPPORT_REACH * here.radius + way
-        gap, n = end_gap(rules, here, stage.table, stage.poses, stage.motion, c, reach, x0, x1)
+        gap, n = end_gap(world, here, c, reach, x0, x1)
         if gap <= reach and k < walls.ends.shape[0]:
             if rules.sweep:
                 gap, n = _gap_on_way(stage, here, c, x0, x1, gap, n)
@@ -229,22 +233,23 @@ def _support(stage, here, x0, k, size, count, again):
 
     One of infinite mass is carried, by all at once: no impulse of the pile would change that.
     """
-    i, rules, pile, values = here.particle, stage.rules, stage.pile, stage.walls.values
+    world = stage.world
+    i, rules, pile, values = here.particle, world.rules, stage.pile, stage.walls.values
     c, gap, n = stage.walls.ends[k, 1], values[k, ORDER], at(values, k, ALONG)
-    poses, motion = stage.poses, stage.motion
-    dt, u = rules.flight.dt, column(stage.candidates.u, i)
+    poses, motion = world.poses, world.motion
+    dt, u = rules.flight.dt, column(world.candidates.u, i)
     x1 = add_scaled(x0, dt, u)
     first = point_velocity(motion, poses, here.step, START, here.start, c, x0)
-    rests = recall(stage.memory, i, stage.x.shape[1] + c)
+    rests = recall(stage.memory, i, world.x.shape[1] + c)
     if gap - TOUCH * here.radius > dt * stage.pair_rules.slow:      # what pressed is away now
         rests = NONE
-    depth = starts_inside(rules, here, stage.table, poses, motion, c, x0)
+    depth = starts_inside(world, here, c, x0)
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     last = point_velocity(motion, poses, here.step, END, here.end, c, x1)
     mean = dot(n, subtract(u, obj)) - gap / dt
     if depth > 0.0:
         mean = repulsion(depth, dt, rules.share, rules.highest)
-    v_n, spent = dot(n, subtract(column(stage.v, i), first)), is_spent(stage.meetings, i)
+    v_n, spent = dot(n, subtract(column(world.v, i), first)), is_spent(stage.meetings, i)
     end = _end_bound(stage.pair_rules.part, rests != NONE, spent, v_n, gap, mean,
                      again and v_n < -stage.pair_rules.slow)
     if pile.bodies[pile.body[i], INVERSE] == 0.0:
@@ -263,14 +268,15 @@ def _support(stage, here, x0, k, size, count, again):
 @kernel
 def list_supports(stage, bodies, contacts, again, answers):
     """List the colliders that the bodies may press on; how many bodies and contacts there are."""
+    world = stage.world
     pile, walls, size = stage.pile, stage.walls, bodies
     for a in range(bodies):
         i = pile.particle[a]
-        x0, here = column(stage.x, i), here_of(stage, i, answers)
+        x0, here = column(world.x, i), here_of(stage, i, answers)
         _find_supports(stage, here, x0)
         for k in range(walls.size[0]):
             if contacts == pile.ends.shape[0] or size == pile.bodies.shape[0]:
-                stage.accounts[0, N_UNDECIDED] += 1
+                world.accounts[0, N_UNDECIDED] += 1
                 return size, contacts
             walls.one[0] = walls.ends[k, 1]
             size, contacts = _support(stage, here, x0, k, size, contacts, again)

@@ -113,7 +113,8 @@ def _half_way(pile, a):
 @kernel
 def _book_between(stage, ledger, c):
     """Book the impulse of contact c between two particles, and that it shifts their places."""
-    pile, dt, impulse = stage.pile, stage.rules.flight.dt, at(stage.pile.contacts, c, IMPULSE)
+    pile, dt = stage.pile, stage.world.rules.flight.dt
+    impulse = at(pile.contacts, c, IMPULSE)
     mean = _mean_impulse(stage.pair_rules.part, pile, c)
     for end, sign in ((FIRST, 1.0), (SECOND, -1.0)):
         a = pile.ends[c, end]
@@ -132,7 +133,7 @@ def _book_support(stage, ledger, here, c):
     dw = scaled(inverse, at(pile.contacts, c, IMPULSE))
     du = scaled(inverse, _mean_impulse(stage.pair_rules.part, pile, c))
     work = dot(dw, at(pile.bodies, pile.ends[c, SECOND], MEAN))
-    pull = stage.rules.flight.dt * dot(ledger.gravity, du)
+    pull = stage.world.rules.flight.dt * dot(ledger.gravity, du)
     book_impulse(ledger, here, collider, work, dw)
     book(ledger, here, GRAVITY, pull)
     book(ledger, here, LOST_IN_CONTACT, dot(dw, _half_way(pile, a)) - pull - work)
@@ -148,7 +149,7 @@ def _book(stage, ledger, bodies, pairs, contacts):
     if is_kept(ledger):
         pile = stage.pile
         for a in range(bodies):
-            put_at(pile.bodies, a, ENDING, column(stage.candidates.w, pile.particle[a]))
+            put_at(pile.bodies, a, ENDING, column(stage.world.candidates.w, pile.particle[a]))
         for c in range(pairs):
             _book_between(stage, ledger, c)
         for c in range(pairs, contacts):
@@ -179,9 +180,10 @@ def _state(dry, laws, pile, c):
 @kernel
 def _lean(stage, dry, here, pile, c):
     """Add the impulses of a support to the candidate of a particle, and log them."""
+    world = stage.world
     i, part = here.particle, stage.pair_rules.part
     inverse = pile.bodies[pile.ends[c, FIRST], INVERSE]
-    candidates, dt = stage.candidates, stage.rules.flight.dt
+    candidates, dt = world.candidates, world.rules.flight.dt
     dw, du = scaled(inverse, at(pile.contacts, c, IMPULSE)), scaled(
         inverse, _mean_impulse(part, pile, c))
     u = add_scaled(column(candidates.u, i), 1.0, du)
@@ -190,15 +192,15 @@ def _lean(stage, dry, here, pile, c):
     state, counter = REPULSION, N_REPULSION
     if pile.source[c] == CARRIES:
         state, counter = _state(dry, stage.pair_rules.laws, pile, c), N_CONTACT
-    record(stage.log, stage.accounts, here, pile.ends[c, LAW_ROW], state,
-           add_scaled(column(stage.x, i), dt, u), at(pile.contacts, c, NORMAL), dw)
-    stage.accounts[here.block, counter] += 1
+    record(world, here, pile.ends[c, LAW_ROW], state, add_scaled(column(world.x, i), dt, u),
+           at(pile.contacts, c, NORMAL), dw)
+    world.accounts[here.block, counter] += 1
 
 
 @inlined
 def _is_deep(stage, i, depth):
     """Whether a depth [m] of particle i in colliders is more than what is left of a push."""
-    return depth > DEEP * stage.matter.radius[i] + ROUNDING * largest(column(stage.x, i))
+    return depth > DEEP * stage.matter.radius[i] + ROUNDING * largest(column(stage.world.x, i))
 
 
 @kernel
@@ -217,6 +219,7 @@ def _is_pushed(stage, i):
 @kernel
 def _list_at_walls(stage, bounced, bounces):
     """List those that colliders may push, and mark them; how many are `struck`."""
+    world = stage.world
     meetings, size = stage.meetings, 0
     for block in range(-1, bounces.shape[0]):
         count = 2 * meetings.size[0] if block < 0 else bounces[block, 0]
@@ -228,20 +231,21 @@ def _list_at_walls(stage, bounced, bounces):
             if _is_pushed(stage, i):
                 meetings.struck[size], meetings.heat[i] = i, PUSHED
                 size += 1
-    sort_by_place(stage.x, stage.v, meetings.struck, size)
+    sort_by_place(world.x, world.v, meetings.struck, size)
     return size
 
 
 @kernel
 def _find_pushed(stage, bounced, bounces, velocities, answers):
     """Find those that end inside a collider and are no bodies, and their velocities; how many."""
-    meetings, size, dt = stage.meetings, 0, stage.rules.flight.dt
+    world = stage.world
+    meetings, size, dt = stage.meetings, 0, world.rules.flight.dt
     for k in range(_list_at_walls(stage, bounced, bounces)):
         i = meetings.struck[k]
         depth, place = pushed_place(stage, i, answers)
         if _is_deep(stage, i, depth):
-            put_at(velocities, size, 0, column(stage.candidates.u, i))
-            put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(stage.x, i))))
+            put_at(velocities, size, 0, column(world.candidates.u, i))
+            put_at(velocities, size, 3, scaled(1.0 / dt, subtract(place, column(world.x, i))))
             meetings.struck[size] = i
             size += 1
         else:
@@ -252,11 +256,12 @@ def _find_pushed(stage, bounced, bounces, velocities, answers):
 @kernel
 def _overlaps_somebody(stage, i):
     """Whether particle i ends in another one."""
+    world = stage.world
     find_around(stage.cells, stage.moved, i)
     radius = stage.matter.radius
     for k in range(stage.moved.size[1]):
         j = stage.moved.found[k]
-        apart = length(apart_at_end(stage.rules.flight.dt, stage.x, stage.candidates, i, j))
+        apart = length(apart_at_end(world.rules.flight.dt, world.x, world.candidates, i, j))
         if apart < radius[i] + radius[j] and can_meet(stage.matter, i, j):
             return True
     return False
@@ -270,21 +275,22 @@ def _pushed_onto(stage, base, bounced, bounces, velocities, answers):
     All are led to where they are pushed, so that two that are pushed onto each other find each
     other, and back.
     """
+    world = stage.world
     meetings, struck, onto = stage.meetings, stage.meetings.struck, 0
     size = _find_pushed(stage, bounced, bounces, velocities, answers)
     for k in range(size):
         i = struck[k]
-        lead(stage, i, column(stage.v, i), at(velocities, k, 3), base[i])
+        lead(stage, i, column(world.v, i), at(velocities, k, 3), base[i])
     for k in range(size):
         meetings.heat[struck[k]] = _overlaps_somebody(stage, struck[k])
     for k in range(size):
         i = struck[k]
-        lead(stage, i, column(stage.v, i), at(velocities, k, 0), base[i])
+        lead(stage, i, column(world.v, i), at(velocities, k, 0), base[i])
         if meetings.heat[i]:
             struck[onto] = i
             onto += 1
             way = length(subtract(at(velocities, k, 3), at(velocities, k, 0)))
-            stage.pile.farthest[0] = max(stage.pile.farthest[0], stage.rules.flight.dt * way)
+            stage.pile.farthest[0] = max(stage.pile.farthest[0], world.rules.flight.dt * way)
         meetings.heat[i] = COLD
     return onto
 
@@ -297,7 +303,7 @@ def _list(stage, base, bounced, bounces, velocities, again, numbers, answers):
         stage.pile.farthest[0] = 0.0
     for k in range(_pushed_onto(stage, base, bounced, bounces, velocities, answers)):
         if 2 * bodies < stage.pile.bodies.shape[0]:
-            _, bodies = body_of(stage.pile, bodies, stage.candidates, stage.matter.inverse,
+            _, bodies = body_of(stage.pile, bodies, stage.world.candidates, stage.matter.inverse,
                                 stage.meetings.struck[k])
     size, contacts = bodies, pairs
     if bodies > 0:
@@ -373,12 +379,13 @@ def _settle_large(work, phase, dry, wet, laws, part, pile):
 @kernel
 def _is_met_anew(stage, p):
     """Whether the particles of pair p, not in contact so far, overlap where they now end."""
+    world = stage.world
     i, j = stage.meetings.ends[p, FIRST], stage.meetings.ends[p, SECOND]
     if not can_meet(stage.matter, i, j):
         return False
     radius = stage.matter.radius
-    gap, _ = end_normal(stage.rules.sweep, stage.rules.flight.dt, radius[i] + radius[j], stage.x,
-                        subtract(column(stage.v, i), column(stage.v, j)), stage.candidates, i, j)
+    gap, _ = end_normal(world.rules.sweep, world.rules.flight.dt, radius[i] + radius[j], world.x,
+                        subtract(column(world.v, i), column(world.v, j)), world.candidates, i, j)
     return gap < -DEEP * max(radius[i], radius[j])
 
 
@@ -438,8 +445,9 @@ def _count_met_by(stage, i):
 @inlined
 def _shift(stage, a):
     """How far [m] the last run has pushed body a."""
-    return stage.rules.flight.dt * length(subtract(
-        column(stage.candidates.u, stage.pile.particle[a]), at(stage.pile.bodies, a, KEPT)))
+    world = stage.world
+    return world.rules.flight.dt * length(subtract(
+        column(world.candidates.u, stage.pile.particle[a]), at(stage.pile.bodies, a, KEPT)))
 
 
 @kernel
@@ -451,7 +459,7 @@ def _count_met(stage, bodies, base, again, answers):
     place for all, pushes grow, as each leads into others, and the next step goes on.
     """
     meetings, pile, met = stage.meetings, stage.pile, 0
-    slack = stage.rules.flight.dt * stage.pair_rules.slow
+    slack = stage.world.rules.flight.dt * stage.pair_rules.slow
     for a in range(bodies):
         i, shift = pile.particle[a], _shift(stage, a)
         meetings.heat[i] = COLD
@@ -495,19 +503,20 @@ def _mark_bodies(stage, bodies, mark):
 @kernel
 def _end(stage, dry, base, bounced, bounces, velocities, again, numbers, answers):
     """Keep what has been found for the next step, and hand it on to the candidates."""
+    world = stage.world
     bodies, pairs, contacts, pile = numbers[BODIES], numbers[PAIRS], numbers[CONTACTS], stage.pile
-    stage.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
+    world.accounts[0, N_UNSETTLED] += numbers[OPEN_GROUPS]
     for c in range(pairs):
-        stage.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
+        world.accounts[0, N_PAIR_CONTACT] += _presses(pile, c)
     _share_rattles(stage, bodies, pairs)
     remember(stage, contacts, bodies, again)
     for a in range(bodies):
-        put_at(pile.bodies, a, KEPT, column(stage.candidates.u, pile.particle[a]))
-    _hand_on(stage.pair_rules.part, stage.candidates, pile, bodies, pairs)
+        put_at(pile.bodies, a, KEPT, column(world.candidates.u, pile.particle[a]))
+    _hand_on(stage.pair_rules.part, world.candidates, pile, bodies, pairs)
     for c in range(pairs, contacts):
         if _presses(pile, c):
             _lean(stage, dry, here_of(stage, pile.particle[pile.ends[c, FIRST]], answers), pile, c)
-    _book(stage, stage.ledger, bodies, pairs, contacts)
+    _book(stage, world.ledger, bodies, pairs, contacts)
     numbers[MET] = 0
     if bodies > 0:
         numbers[MET] = _count_met(stage, bodies, base, again, answers)
@@ -544,10 +553,11 @@ def settle(posted, counters, work, stage, dry, wet, base, bounced, bounces, agai
         Whether it has been run in this step before.
 
     """
+    world = stage.world
     numbers, progress, pile = work.numbers, work.progress, stage.pile
     laws, part = stage.pair_rules.laws, stage.pair_rules.part
-    room, velocities = make_room(), np.empty((stage.x.shape[1], 6))
-    answers = keep_answers(stage.rules.present.meshes, stage.table)
+    room, velocities = make_room(), np.empty((world.x.shape[1], 6))
+    answers = keep_answers(world.rules.present.meshes, world.table)
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     if fetch_add(progress, 0, 1) == 0:

@@ -47,14 +47,15 @@ def _free_part(n, a, b):
 
 
 @kernel
-def _carried(rules, here, table, poses, motion, c, x0):
+def _carried(world, here, c, x0):
     """Where collider c would have carried a particle; where it started if c does not move."""
-    obj = chord_velocity(motion, poses, here.step, here.start, c, x0, rules.flight.dt)
+    rules = world.rules
+    obj = chord_velocity(world.motion, world.poses, here.step, here.start, c, x0, rules.flight.dt)
     return add_scaled(x0, rules.flight.dt, obj)
 
 
 @kernel
-def push_out(rules, here, table, poses, motion, x0, place):
+def push_out(world, here, x0, place):
     """
     Push a particle to the surfaces it is inside of, deepest first; a move, not an impulse.
 
@@ -69,10 +70,11 @@ def push_out(rules, here, table, poses, motion, x0, place):
         The last two colliders it was inside of; c is NONE where it is now outside all.
 
     """
+    table, poses = world.table, world.poses
     zero = (0.0, 0.0, 0.0)
     c1, c2, n1, n2, candidate = NONE, NONE, zero, zero, place
     for k in range(PUSHES):
-        c, phi, n = deepest(rules, here, table, poses, motion, x0, place)
+        c, phi, n = deepest(world, here, x0, place)
         if c == NONE:
             return place, NONE, NONE
         a, b = n1, n2
@@ -85,20 +87,20 @@ def push_out(rules, here, table, poses, motion, x0, place):
         t = _free_part(n, a, b)
         rounding = EPSILON * (largest(place) + largest(origin(poses, here.end, c)) + here.radius)
         place = add_scaled(place, (k * rounding - phi) / dot(t, t), t)
-        carried = _carried(rules, here, table, poses, motion, c, x0)
+        carried = _carried(world, here, c, x0)
         reach = length(subtract(candidate, carried))
         if c2 != NONE:
-            beside = _carried(rules, here, table, poses, motion, c2, x0)
+            beside = _carried(world, here, c2, x0)
             reach = max(reach, length(subtract(candidate, beside)))
             reach += 2.0 * length(subtract(beside, carried))
-        reach += rounding_depth(here, table, poses, c, x0) + PUSHES * rounding
+        reach += rounding_depth(world, here, c, x0) + PUSHES * rounding
         if length(subtract(place, candidate)) > reach:
             break
     return place, c1, c2
 
 
 @kernel
-def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
+def fail_safe(world, here, c, other, x0):
     """
     Place a particle that cannot be pushed out, with the velocity of a collider.
 
@@ -108,7 +110,7 @@ def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
 
     Parameters
     ----------
-    rules, here, table, poses, motion, accounts, notes
+    world, here
         As in response.resolve.
     c, other : int
         The collider that it is inside of or that is in its way, and the one beside it or NONE.
@@ -122,22 +124,24 @@ def fail_safe(rules, here, table, poses, motion, accounts, notes, c, other, x0):
         The collider whose velocity that is.
 
     """
-    accounts[here.block, N_FAIL_SAFE] += 1
+    poses, motion = world.poses, world.motion
+    world.accounts[here.block, N_FAIL_SAFE] += 1
     for carrier in (c, other):
         if carrier != NONE:
-            place = _carried(rules, here, table, poses, motion, carrier, x0)
-            place, inside, _ = push_out(rules, here, table, poses, motion, x0, place)
-            if inside == NONE and blocker(rules, here, table, poses, motion, x0, place) == NONE:
+            place = _carried(world, here, carrier, x0)
+            place, inside, _ = push_out(world, here, x0, place)
+            if inside == NONE and blocker(world, here, x0, place) == NONE:
                 w = point_velocity(motion, poses, here.step, END, here.end, carrier, place)
                 return place, w, carrier
-    note_unplaced(here, accounts, notes, c, other)
-    place = _carried(rules, here, table, poses, motion, c, x0)
+    note_unplaced(world, here, c, other)
+    place = _carried(world, here, c, x0)
     return place, point_velocity(motion, poses, here.step, END, here.end, c, place), c
 
 
 @kernel
-def note_unplaced(here, accounts, notes, c, other):
+def note_unplaced(world, here, c, other):
     """Count a particle that stays inside a collider, and note which one and what hems it in."""
+    accounts, notes = world.accounts, world.notes
     seat = accounts[here.block, N_UNPLACED]
     if seat < NOTES:
         notes[here.block, seat, 0], notes[here.block, seat, 1] = here.particle, c

@@ -67,8 +67,9 @@ def _write_row(log, b, row, i, c, state, point, n, dv):
 
 
 @kernel
-def _record_by_particle(log, accounts, here, c, state, point, n, dv):
+def _record_by_particle(world, here, c, state, point, n, dv):
     """Log a contact as `record`, where other particles are logged between those of a particle."""
+    log, accounts = world.log, world.accounts
     b, rows = here.block, accounts[here.block, N_ROWS]
     stamp = OF_STEP * accounts[b, N_STEP]
     first = (here.particle - b * (log.shape[1] // rows)) * rows
@@ -84,11 +85,12 @@ def _record_by_particle(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
-def record(log, accounts, here, c, state, point, n, dv):
+def record(world, here, c, state, point, n, dv):
     """Log a contact, or add to that of the same particle and collider; nothing without room."""
+    log, accounts = world.log, world.accounts
     if log.shape[1] > 0:
         if accounts[here.block, N_ROWS] > 0:
-            _record_by_particle(log, accounts, here, c, state, point, n, dv)
+            _record_by_particle(world, here, c, state, point, n, dv)
             return
         b, i, rows, own = here.block, here.particle, accounts[here.block, N_LOGGED], 0
         for k in range(max(rows - MOST_CONTACTS, 0), rows):
@@ -105,31 +107,32 @@ def record(log, accounts, here, c, state, point, n, dv):
 
 
 @inlined
-def record_jointly(log, accounts, here, one, two, state, point, dv):
+def record_jointly(world, here, one, two, state, point, dv):
     """Log what two colliders do at once: the part along each normal, and its share of the rest."""
     k = dot(one.normal, two.normal)
     if 1.0 - k * k >= PARALLEL:
         dv1, _, _ = two_parts(one.normal, two.normal, dv)
-        record(log, accounts, here, one.collider, state, point, one.normal, dv1)
-        record(log, accounts, here, two.collider, state, point, two.normal, subtract(dv, dv1))
+        record(world, here, one.collider, state, point, one.normal, dv1)
+        record(world, here, two.collider, state, point, two.normal, subtract(dv, dv1))
     else:
-        record(log, accounts, here, one.collider, state, point, one.normal, dv)
+        record(world, here, one.collider, state, point, one.normal, dv)
 
 
 @inlined
-def collide(here, table, log, accounts, ledger, touch, v0):
+def collide(world, here, touch, v0):
     """Collision stage: velocity at the start of the step after an elastic collision."""
+    table = world.table
     c, n = touch.collider, touch.normal
     dv_n = normal_impulse(touch.v_n, table[c, RESTITUTION])
     after, _ = respond(table, c, v0, touch.obj, n, touch.v_n, dv_n)
-    record(log, accounts, here, c, COLLISION, touch.point, n, subtract(after, v0))
-    book_collision(ledger, here, table, touch, dv_n, v0, after)
-    accounts[here.block, N_COLLISION] += 1
+    record(world, here, c, COLLISION, touch.point, n, subtract(after, v0))
+    book_collision(world, here, touch, dv_n, v0, after)
+    world.accounts[here.block, N_COLLISION] += 1
     return after
 
 
 @inlined
-def collide_with_both(rules, here, table, log, accounts, ledger, one, two, eps, v0):
+def collide_with_both(world, here, one, two, eps, v0):
     """
     Collision stage with two colliders at once, of which none comes before the other (ties.py).
 
@@ -145,12 +148,12 @@ def collide_with_both(rules, here, table, log, accounts, ledger, one, two, eps, 
 
     """
     c1, n1, c2, n2 = one.collider, one.normal, two.collider, two.normal
-    after, a, _ = law_at_once(table, c1, n1, one.obj, c2, n2, two.obj, -eps * one.v_n, v0)
+    after, a, _ = law_at_once(world.table, c1, n1, one.obj, c2, n2, two.obj, -eps * one.v_n, v0)
     if a > 0.0:
-        record_jointly(log, accounts, here, one, two, COLLISION, one.point, subtract(after, v0))
-        book_at_once(ledger, rules, here, table, one, two, one.obj, two.obj, v0, v0, v0, after,
-                     0.0, RESTITUTED, False)
-        accounts[here.block, N_COLLISION] += 2
+        record_jointly(world, here, one, two, COLLISION, one.point, subtract(after, v0))
+        book_at_once(world, here, one, two, one.obj, two.obj, v0, v0, v0, after, 0.0, RESTITUTED,
+                     False)
+        world.accounts[here.block, N_COLLISION] += 2
     return after, a > 0.0
 
 
@@ -163,7 +166,7 @@ def _contact_target(checks, restitution, u_n, target, first):
 
 
 @inlined
-def _end_change(motion, rules, here, table, poses, c, x0, x1, n, w_n, most):
+def _end_change(world, here, c, x0, x1, n, w_n, most):
     """
     Change of normal velocity that ends the approach of w.
 
@@ -172,55 +175,51 @@ def _end_change(motion, rules, here, table, poses, c, x0, x1, n, w_n, most):
     this step: a support that falls away does not drag it along or push it up. But what is left of
     the approach is no more than the estimate may be off by.
     """
-    off = abs(dot(point_velocity(motion, poses, here.step, DOUBT, here.end, c, x1), n))
+    off = abs(dot(point_velocity(world.motion, world.poses, here.step, DOUBT, here.end, c, x1), n))
     if off > 0.0:
-        gap = distance(rules, here, table, poses, here.start, c, x0)
-        if gap <= rounding_depth(here, table, poses, c, x0):
+        gap = distance(world, here, here.start, c, x0)
+        if gap <= rounding_depth(world, here, c, x0):
             return doubtful_change(w_n, most, off)
     return -w_n
 
 
 @inlined
-def _end_response(checks, rules, here, table, poses, motion, c, x0, x1, n, du, most, w, hit):
+def _end_response(checks, world, here, c, x0, x1, n, du, most, w, hit):
     """End velocity after a pass: by the law itself beside a collision stage, else by adding du."""
     if checks:
-        obj = point_velocity(motion, poses, here.step, END, here.end, c, x1)
+        obj = point_velocity(world.motion, world.poses, here.step, END, here.end, c, x1)
         w_n = approach(w, obj, n)
         if w_n < 0.0:
-            dw_n = -w_n if hit else _end_change(
-                motion, rules, here, table, poses, c, x0, x1, n, w_n, most)
-            return respond(table, c, w, obj, n, w_n, dw_n)[0]
+            dw_n = -w_n if hit else _end_change(world, here, c, x0, x1, n, w_n, most)
+            return respond(world.table, c, w, obj, n, w_n, dw_n)[0]
         return w
     return add(w, du)
 
 
 @inlined
-def _pressed(rules, here, table, poses, motion, x0, v0, touch, u, w, target, hit, lawful):
+def _pressed(world, here, x0, v0, touch, u, w, target, hit, lawful):
     """Mean and end velocity, place and normal after a pass, and whether the particle sticks."""
+    rules = world.rules
     c, n, most = touch.collider, touch.normal, 0.0
     if touch.stays and not lawful:
-        u_after, x1, n, stuck = by_address(
-            rules.present.modules, TO_SURFACE, to_surface, (u, u, u, False),
-            (rules, here, table, poses, motion, x0, v0, touch, u))
+        u_after, x1, n, stuck = by_address(rules.present.modules, TO_SURFACE, to_surface,
+                                           (u, u, u, False), (world, here, x0, v0, touch, u))
         du = subtract(u_after, u)
-        w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du,
-                                dot(du, touch.normal), add(w, du), hit)
+        w_after = _end_response(True, world, here, c, x0, x1, n, du, dot(du, touch.normal),
+                                add(w, du), hit)
         return u_after, w_after, x1, n, stuck
-    u_after, stuck = respond(table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
+    u_after, stuck = respond(world.table, c, u, touch.obj, n, touch.v_n, target - touch.v_n)
     x1, du = add_scaled(x0, rules.flight.dt, u_after), subtract(u_after, u)
     most = 2.0 * dot(du, n)
     if lawful or touch.target > 0.0:
-        w_after = _end_response(True, rules, here, table, poses, motion, c, x0, x1, n, du, most, w,
-                                True)
+        w_after = _end_response(True, world, here, c, x0, x1, n, du, most, w, True)
     else:
-        w_after = _end_response(rules.checks, rules, here, table, poses, motion, c, x0, x1, n, du,
-                                most, w, hit)
+        w_after = _end_response(rules.checks, world, here, c, x0, x1, n, du, most, w, hit)
     return u_after, w_after, x1, n, stuck
 
 
 @inlined
-def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch, u, w, first,
-          hit, lawful):
+def press(world, here, x0, v0, touch, u, w, first, hit, lawful):
     """
     One pass of the contact stage against one collider.
 
@@ -235,29 +234,31 @@ def press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touc
         Mean and end velocity after it.
 
     """
+    rules, table, accounts = world.rules, world.table, world.accounts
     c, repelled = touch.collider, touch.target > 0.0
     target = _contact_target(rules.checks, table[c, RESTITUTION], touch.v_n, touch.target, first)
-    u_after, w_after, x1, n, stuck = _pressed(rules, here, table, poses, motion, x0,
-                                              v0, touch, u, w, target, hit, lawful)
+    u_after, w_after, x1, n, stuck = _pressed(world, here, x0, v0, touch, u, w, target, hit,
+                                              lawful)
     state, counter, point = (STICK if stuck else SLIDE), N_CONTACT, x1
     if target > 0.0:
         state, counter, point = COLLISION, N_COLLISION, touch.point
     if repelled:
         state, counter, point = REPULSION, N_REPULSION, x1
-    record(log, accounts, here, c, state, point, touch.normal, subtract(w_after, w))
-    book_contact(ledger, rules, here, table, poses, motion, touch, n, x0, u, u_after, w, w_after,
+    record(world, here, c, state, point, touch.normal, subtract(w_after, w))
+    book_contact(world, here, touch, n, x0, u, u_after, w, w_after,
                  lost_in_pass(table, touch, target), lawful)
     accounts[here.block, counter] += 1
     return u_after, w_after
 
 
 @inlined
-def _joint_end(checks, here, table, poses, motion, one, two, x1, du, w):
+def _joint_end(checks, world, here, one, two, x1, du, w):
     """End velocity after `press_jointly`, as in `_end_response`."""
+    poses, motion = world.poses, world.motion
     if checks:
         obj1 = point_velocity(motion, poses, here.step, END, here.end, one.collider, x1)
         obj2 = point_velocity(motion, poses, here.step, END, here.end, two.collider, x1)
-        return joint_law(table, one.collider, one.normal, obj1, two.collider, two.normal,
+        return joint_law(world.table, one.collider, one.normal, obj1, two.collider, two.normal,
                          obj2, w)
     return add(w, du)
 
@@ -272,7 +273,7 @@ def are_both_kept(one, two):
 
 
 @inlined
-def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, u, w):
+def press_jointly(world, here, x0, one, two, u, w):
     """
     Contact with two colliders at once, for a particle that passes one by one leave approaching.
 
@@ -285,23 +286,22 @@ def press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, 
         Mean and end velocity after it.
 
     """
+    rules, poses, motion = world.rules, world.poses, world.motion
     dt = rules.flight.dt
     obj1 = chord_velocity(motion, poses, here.step, here.start, one.collider, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, two.collider, x0, dt)
-    u_after = joint_law(table, one.collider, one.normal, obj1, two.collider, two.normal,
+    u_after = joint_law(world.table, one.collider, one.normal, obj1, two.collider, two.normal,
                         obj2, u)
     x1 = add_scaled(x0, dt, u_after)
-    w_after = _joint_end(rules.checks, here, table, poses, motion, one, two, x1,
-                         subtract(u_after, u), w)
-    record_jointly(log, accounts, here, one, two, SLIDE, x1, subtract(w_after, w))
-    book_joint(ledger, rules, here, table, poses, motion, one, two, x0, u, u_after, w, w_after)
-    accounts[here.block, N_CONTACT] += 1
+    w_after = _joint_end(rules.checks, world, here, one, two, x1, subtract(u_after, u), w)
+    record_jointly(world, here, one, two, SLIDE, x1, subtract(w_after, w))
+    book_joint(world, here, one, two, x0, u, u_after, w, w_after)
+    world.accounts[here.block, N_CONTACT] += 1
     return u_after, w_after
 
 
 @inlined
-def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, one, two, eps, u,
-                  w, first, lawful):
+def press_on_both(world, here, x0, one, two, eps, u, w, first, lawful):
     """
     One pass of the contact stage against two colliders, of which none comes before the other.
 
@@ -315,34 +315,33 @@ def press_on_both(rules, here, table, poses, motion, log, accounts, ledger, x0, 
         Whether both push, and are answered.
 
     """
+    rules, poses, motion = world.rules, world.poses, world.motion
     c1, n1, c2, n2, dt = one.collider, one.normal, two.collider, two.normal, rules.flight.dt
     target = _contact_target(rules.checks, eps, one.v_n, one.target, first)
-    u_after, a, b = law_at_once(table, c1, n1, one.obj, c2, n2, two.obj, target, u)
+    u_after, a, b = law_at_once(world.table, c1, n1, one.obj, c2, n2, two.obj, target, u)
     if not a > 0.0:
         return u, w, False
     x1, du = add_scaled(x0, dt, u_after), subtract(u_after, u)
     if lawful or one.target > 0.0:
-        w_after = _joint_end(True, here, table, poses, motion, one, two, x1, du, w)
+        w_after = _joint_end(True, world, here, one, two, x1, du, w)
     else:
-        w_after = _joint_end(rules.checks, here, table, poses, motion, one, two, x1, du, w)
+        w_after = _joint_end(rules.checks, world, here, one, two, x1, du, w)
     state, counter, account, lost = SLIDE, N_CONTACT, CONTACT, 0.0
     if one.target > 0.0:
         state, counter, account = REPULSION, N_REPULSION, REPULSED
     elif target > 0.0:
         state, counter = COLLISION, N_COLLISION
         lost = a * one.v_n + b * two.v_n + 0.5 * (a * a + b * b) + a * b * dot(n1, n2)
-    record_jointly(log, accounts, here, one, two, state, x1, subtract(w_after, w))
+    record_jointly(world, here, one, two, state, x1, subtract(w_after, w))
     obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
-    book_at_once(ledger, rules, here, table, one, two, obj1, obj2, u, u_after, w, w_after, lost,
-                 account, lawful)
-    accounts[here.block, counter] += 2
+    book_at_once(world, here, one, two, obj1, obj2, u, u_after, w, w_after, lost, account, lawful)
+    world.accounts[here.block, counter] += 2
     return u_after, w_after, True
 
 
 @kernel
-def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v0, touch, tied,
-             push, eps, u, w, first, lawful):
+def meet_all(world, here, x0, x1, v0, touch, tied, push, eps, u, w, first, lawful):
     """
     Collision or contact with more than two colliders at once, of which none comes before another.
 
@@ -357,6 +356,8 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
         Whether all push, and are answered.
 
     """
+    rules, poses, motion = world.rules, world.poses, world.motion
+    accounts, ledger = world.accounts, world.ledger
     n, along = touch.normal, dot(push, touch.normal)
     if not along > 0.0:
         return u, w, False
@@ -383,20 +384,18 @@ def meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0, x1, v
     work, other, m = 0.0, touch, 0
     while other.collider != NONE:
         share = scaled(b, other.normal)
-        record(log, accounts, here, other.collider, state, x1, other.normal, share)
+        record(world, here, other.collider, state, x1, other.normal, share)
         book_impulse(ledger, here, other.collider, dot(share, touch.obj), share)
         work += dot(share, touch.obj)
         accounts[here.block, counter] += 1
-        other, m = next_rival(rules, here, table, poses, motion, accounts, touch,
-                              tied, x0, x1, v0, u, m)
+        other, m = next_rival(world, here, touch, tied, x0, x1, v0, u, m)
     book(ledger, here, RESTITUTED, lost)
     book(ledger, here, account, kinetic(end, w_after) - work - pull - lost)
     return after, w_after, True
 
 
 @inlined
-def press_both(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, one, two,
-               new, free, passed):
+def press_both(world, here, x0, v0, one, two, new, free, passed):
     """
     Contact of second order with two colliders at once, in place of passes against each.
 
@@ -409,35 +408,36 @@ def press_both(rules, here, table, poses, motion, log, accounts, ledger, x0, v0,
         Mean and end velocity after it.
 
     """
+    rules = world.rules
     u, w = by_address(rules.present.modules, TO_BOTH_SURFACES, to_both_surfaces, passed,
-                      (rules, here, table, poses, motion, x0, v0, one, two, free[0], free[1]))
-    record_jointly(log, accounts, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
+                      (world, here, x0, v0, one, two, free[0], free[1]))
+    record_jointly(world, here, one, two, SLIDE, add_scaled(x0, rules.flight.dt, u),
                    subtract(w, passed[1]))
-    book_joint(ledger, rules, here, table, poses, motion, one, two, x0, passed[0], u, passed[1], w)
-    accounts[here.block, N_CONTACT] += new
+    book_joint(world, here, one, two, x0, passed[0], u, passed[1], w)
+    world.accounts[here.block, N_CONTACT] += new
     return u, w
 
 
 @kernel
-def rest_where_led(rules, here, table, poses, motion, ledger, x0, u):
+def rest_where_led(world, here, x0, u):
     """
     Place where pairs have led a particle (`candidates.settled`), and whether it may stay there.
 
     It may where it ends in no collider, or in one by so little that it is only put on the surface:
     what pairs have left it of its velocity is right as it is.
     """
-    x1 = add_scaled(x0, rules.flight.dt, u)
-    place, c, _ = push_out(rules, here, table, poses, motion, x0, x1)
+    x1 = add_scaled(x0, world.rules.flight.dt, u)
+    place, c, _ = push_out(world, here, x0, x1)
     shift = subtract(place, x1)
-    stays = c == NONE and length(shift) <= SLIGHT * here.radius and blocker(
-        rules, here, table, poses, motion, x0, place) == NONE
+    stays = c == NONE and length(shift) <= SLIGHT * here.radius and blocker(world, here, x0,
+                                                                            place) == NONE
     if stays:
-        book_shift(ledger, here, REPULSED, shift)
+        book_shift(world.ledger, here, REPULSED, shift)
     return place, stays
 
 
 @inlined
-def _reaching(around, here, table, poses, x0, x1, reach):
+def _reaching(around, world, here, x0, x1, reach):
     """
     Choose more colliders where a particle comes further than those were chosen for.
 
@@ -446,27 +446,26 @@ def _reaching(around, here, table, poses, x0, x1, reach):
     if around is not None:
         needed = reach_of(here.radius, around.move, x0, x1)
         if needed > reach:
-            return chosen_within(around, here, table, poses, x0, 2.0 * needed), 2.0 * needed
+            return chosen_within(around, world, here, x0, 2.0 * needed), 2.0 * needed
     return here, reach
 
 
 @inlined
-def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, ledger,
-            candidates, around=None, reach=0.0):
+def resolve(world, here, x0, v0, around=None, reach=0.0):
     """
     One step of a particle that may touch something.
 
     Parameters
     ----------
-    rules, here : Rules, Here
+    world, here : Rules, Here
         What to do, and where.
-    table, poses, motion, log, accounts, notes
+    world
         Tables of shapes.py, motion.py and this module; the last three are written.
     x0, v0 : (3,) tuple of float [m], [m/s]
         State at the start of the step.
-    ledger : ledger.Ledger
+    world : ledger.Ledger
         Where the flight is booked already, and all else is, if it is kept.
-    candidates : candidates.Candidates
+    world : candidates.Candidates
         Of no particle where springs and pairs change nothing.
     around : nearby.Around or None
         What the colliders of `here` are chosen from; None where they are all.
@@ -478,88 +477,79 @@ def resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0, led
     x1, v1 : (3,) tuple of float [m], [m/s]
 
     """
+    rules, table, ledger, candidates = world.rules, world.table, world.ledger, world.candidates
     u, w = candidate_of(candidates, rules.flight, here.particle, v0)
     free = u, w
     settled = is_settled(candidates, here.particle)
     if settled:
-        place, stays = rest_where_led(rules, here, table, poses, motion, ledger, x0, u)
+        place, stays = rest_where_led(world, here, x0, u)
         if stays:
             return place, w
     hits, passes, lawful = 0, 0, settled
     last, other = NOTHING, NOTHING
     while True:
         x1 = add_scaled(x0, rules.flight.dt, u)
-        here, reach = _reaching(around, here, table, poses, x0, x1, reach)
+        here, reach = _reaching(around, world, here, x0, x1, reach)
         if passes == rules.passes:
             break
-        touch, inside = detect(rules, here, table, poses, motion, accounts, x0, x1,
-                               v0, u, passes == 0 and hits < CHECKS and not settled)
+        touch, inside = detect(world, here, x0, x1, v0, u,
+                               passes == 0 and hits < CHECKS and not settled)
         if not inside and other.collider == NONE:
             return x1, w
         two, more, push, eps, at_once = NOTHING, False, NOTHING.obj, 0.0, False
         tied = 0.0, 0.0, 0.0
         if inside > 1:
-            touch, tau, phi, blur = foremost(rules, here, table, poses, motion,
-                                             accounts, touch, x0, x1, v0, u)
+            touch, tau, phi, blur = foremost(world, here, touch, x0, x1, v0, u)
             tied = tau, phi, blur
-            two, more, push, eps = rivals(rules, here, table, poses, motion, accounts,
-                                          touch, tied, x0, x1, v0, u)
+            two, more, push, eps = rivals(world, here, touch, tied, x0, x1, v0, u)
         if touch.collider == NONE or (rules.once and touch.collider == last.collider):
             break
         elastic = (passes == 0 or rules.once) and not settled
         if touch.hit:
             after = v0
             if more:
-                after, _, at_once = meet_all(rules, here, table, poses, motion, log, accounts,
-                                             ledger, x0, x1, v0, touch, tied, push, eps, u, w,
+                after, _, at_once = meet_all(world, here, x0, x1, v0, touch, tied, push, eps, u, w,
                                              False, False)
             elif two.collider != NONE:
-                after, at_once = collide_with_both(rules, here, table, log, accounts, ledger,
-                                                   touch, two, eps, v0)
+                after, at_once = collide_with_both(world, here, touch, two, eps, v0)
             if not at_once:
-                after = collide(here, table, log, accounts, ledger, touch, v0)
-            u, w = fly_anew(candidates, ledger, here, rules.flight, v0, after, u, w)
+                after = collide(world, here, touch, v0)
+            u, w = fly_anew(world, here, rules.flight, v0, after, u, w)
             v0, free = after, (u, w)
             hits += 1
             continue
         if more:
-            u, w, at_once = meet_all(rules, here, table, poses, motion, log, accounts, ledger, x0,
-                                     x1, v0, touch, tied, push, eps, u, w, elastic, lawful)
+            u, w, at_once = meet_all(world, here, x0, x1, v0, touch, tied, push, eps, u, w,
+                                     elastic, lawful)
         elif two.collider != NONE and not lawful and are_both_kept(touch, two):
-            u, w = press_both(rules, here, table, poses, motion, log, accounts,
-                              ledger, x0, v0, touch, two, 2, free, (u, w))
+            u, w = press_both(world, here, x0, v0, touch, two, 2, free, (u, w))
             at_once = True
         elif two.collider != NONE:
-            u, w, at_once = press_on_both(rules, here, table, poses, motion, log, accounts, ledger,
-                                          x0, touch, two, eps, u, w, elastic, lawful)
+            u, w, at_once = press_on_both(world, here, x0, touch, two, eps, u, w, elastic, lawful)
         if at_once:
             lawful = lawful or touch.target > 0.0
             last, other, passes = touch, NOTHING, passes + 1
         elif passes == 1 and not lawful and are_both_kept(last, touch):
-            u, w = press_both(rules, here, table, poses, motion, log, accounts,
-                              ledger, x0, v0, last, touch, 1, free, (u, w))
+            u, w = press_both(world, here, x0, v0, last, touch, 1, free, (u, w))
             last, other, passes = touch, last, 2
         else:
-            u, w = press(rules, here, table, poses, motion, log, accounts, ledger, x0, v0, touch,
-                         u, w, elastic, hits > 0, lawful)
+            u, w = press(world, here, x0, v0, touch, u, w, elastic, hits > 0, lawful)
             lawful = lawful or touch.target > 0.0
             same = is_same_surface(table, touch.collider, touch.normal, last.collider, last.normal)
             other = other if same else last
             last, passes = touch, passes + 1
     joined = passes == 2 and are_both_kept(other, last)
     if other.collider != NONE and not lawful and not joined:
-        u, w = press_jointly(rules, here, table, poses, motion, log, accounts, ledger, x0, last,
-                             other, u, w)
+        u, w = press_jointly(world, here, x0, last, other, u, w)
         x1 = add_scaled(x0, rules.flight.dt, u)
-        here, reach = _reaching(around, here, table, poses, x0, x1, reach)
-    place, c, beside = push_out(rules, here, table, poses, motion, x0, x1)
+        here, reach = _reaching(around, world, here, x0, x1, reach)
+    place, c, beside = push_out(world, here, x0, x1)
     if c == NONE:
-        c = blocker(rules, here, table, poses, motion, x0, place)
+        c = blocker(world, here, x0, place)
     if c != NONE:
-        place, w1, carrier = fail_safe(rules, here, table, poses, motion, accounts, notes, c,
-                                       beside, x0)
-        record(log, accounts, here, carrier, STICK, place, NOTHING.normal, subtract(w1, w))
-        book_placing(ledger, rules, here, poses, motion, carrier, x0, x1, place, w, w1)
+        place, w1, carrier = fail_safe(world, here, c, beside, x0)
+        record(world, here, carrier, STICK, place, NOTHING.normal, subtract(w1, w))
+        book_placing(world, here, carrier, x0, x1, place, w, w1)
         return place, w1
     book_shift(ledger, here, REPULSED, subtract(place, x1))
     return place, w

@@ -101,23 +101,24 @@ def _first_half(table, c, u, obj, n, v_n, slip, kick, dv_n):
 
 
 @inlined
-def _surface(rules, here, table, poses, c, x0, n0, x1):
+def _surface(world, here, c, x0, n0, x1):
     """
     Distance [m] and normal of a collider at the end of the step, and what is only rounding.
 
     Of a face that the particle is over at the start, with normal n0, those of its continuation.
     """
+    table, poses = world.table, world.poses
     face = face_below(table, poses, here.start, c, x0, n0)
     if face != NONE:
         phi, n = height_over(table, poses, here.end, c, face, x1)
     else:
-        phi, n = signed_distance(rules.present, table, poses, here.end, c, x1)
+        phi, n = signed_distance(world.rules.present, table, poses, here.end, c, x1)
     scale = largest(x1) + largest(origin(poses, here.end, c)) + table[c, SIZE]
     return phi - here.radius, n, 0.25 * ROUNDING * scale
 
 
 @kernel
-def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
+def to_surface(world, here, x0, v0, touch, u):
     """
     Push the end of the step to the surface, along the normal at the start of the contact.
 
@@ -130,20 +131,21 @@ def to_surface(rules, here, table, poses, motion, x0, v0, touch, u):
     stuck : bool
 
     """
-    c, n0, dt = touch.collider, touch.normal, rules.flight.dt
+    poses, motion = world.poses, world.motion
+    c, n0, dt = touch.collider, touch.normal, world.rules.flight.dt
     obj = chord_velocity(motion, poses, here.step, here.start, c, x0, dt)
     obj0 = point_velocity(motion, poses, here.step, START, here.start, c, x0)
     relative = subtract(u, obj)
     v_n = dot(relative, n0)
     slip = tangential(subtract(v0, obj0), n0)
     kick = subtract(tangential(relative, n0), slip)
-    gap = abs(distance(rules, here, table, poses, here.start, c, x0))
-    gap = gap if gap <= rounding_depth(here, table, poses, c, x0) else 0.0
+    gap = abs(distance(world, here, here.start, c, x0))
+    gap = gap if gap <= rounding_depth(world, here, c, x0) else 0.0
     dv_n, left = max(-v_n, 0.0), NEWTON
     while True:
-        after, stuck = _first_half(table, c, u, obj, n0, v_n, slip, kick, dv_n)
+        after, stuck = _first_half(world.table, c, u, obj, n0, v_n, slip, kick, dv_n)
         x1, left = add_scaled(x0, dt, after), left - 1
-        phi, n, rounding = _surface(rules, here, table, poses, c, x0, n0, x1)
+        phi, n, rounding = _surface(world, here, c, x0, n0, x1)
         slope = dot(n, n0)
         if dv_n > LEAST_CHANGE * largest(u) and not stuck:
             slope = dot(n, subtract(after, u)) / dv_n
@@ -178,13 +180,13 @@ def _joint_half(table, c1, n1, obj1, slip1, c2, n2, obj2, slip2, u):
 
 
 @kernel
-def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
+def to_both_surfaces(world, here, x0, v0, one, two, u, w):
     """
     Contact with two colliders at once: the end on both surfaces, the end velocity along both.
 
     Parameters
     ----------
-    rules, here, table, poses, motion, x0, v0
+    world, here, x0, v0
         As in `response.resolve`.
     one, two : Touch
         The colliders, with their normals at the start of the contact, which are not parallel.
@@ -196,7 +198,8 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
     u, w : (3,) tuple of float [m/s]
 
     """
-    c1, c2, n1, n2, dt = one.collider, two.collider, one.normal, two.normal, rules.flight.dt
+    table, poses, motion = world.table, world.poses, world.motion
+    c1, c2, n1, n2, dt = one.collider, two.collider, one.normal, two.normal, world.rules.flight.dt
     obj1 = chord_velocity(motion, poses, here.step, here.start, c1, x0, dt)
     obj2 = chord_velocity(motion, poses, here.step, here.start, c2, x0, dt)
     slip1 = along_both(subtract(v0, point_velocity(
@@ -208,8 +211,8 @@ def to_both_surfaces(rules, here, table, poses, motion, x0, v0, one, two, u, w):
         after = _joint_half(table, c1, n1, add_scaled(obj1, v1, n1), slip1, c2, n2,
                             add_scaled(obj2, v2, n2), slip2, u)
         x1, left = add_scaled(x0, dt, after), left - 1
-        phi1, end1, rounding1 = _surface(rules, here, table, poses, c1, x0, n1, x1)
-        phi2, end2, rounding2 = _surface(rules, here, table, poses, c2, x0, n2, x1)
+        phi1, end1, rounding1 = _surface(world, here, c1, x0, n1, x1)
+        phi2, end2, rounding2 = _surface(world, here, c2, x0, n2, x1)
         if (abs(phi1) <= rounding1 and abs(phi2) <= rounding2) or left == 0:
             break
         v1, v2 = v1 - phi1 / dt, v2 - phi2 / dt

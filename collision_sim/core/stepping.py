@@ -33,7 +33,6 @@ from collision_sim.core.mesh_way import keep_answers
 from collision_sim.core.nearby import Around, chosen_within, reach_of
 from collision_sim.core.placing import freeze
 from collision_sim.core.planes import answer_planes, CHUNK, ROWS
-from collision_sim.core.reference import refer_here
 from collision_sim.core.response import resolve
 from collision_sim.core.rules import Here, LOG, N_LOGGED
 from collision_sim.core.threads import (AT_END, AT_START, claim, DONE, fetch_add, FIRST, NO_PIECE,
@@ -110,24 +109,23 @@ def _take(lean, flight, ahead, x, y, z, vx, vy, vz, new):
 
 
 @inlined
-def _answer_together(ledger, candidates, grid, rules, margins, here, table, poses, motion, radius,
-                     log, accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
-                     touching, held, unanswered, count):
+def _answer_together(world, margins, here, radius, first, x, y, z, vx, vy, vz, chunk, clear, cells,
+                     chosen, touching, held, unanswered, count):
     """Answer those that touch a single plane together, unless they are few; how many are left."""
+    ledger, candidates, rules = world.ledger, world.candidates, world.rules
     for k in range(count):
         unanswered[k] = k
     if (count >= TOGETHER and rules.planes and not is_kept(ledger)
             and candidates.settled.shape[0] == 0):
-        return answer_planes(grid, rules, margins, here, table, poses, motion, radius, log,
-                             accounts, first, x, y, z, vx, vy, vz, chunk, clear, cells, chosen,
-                             touching, held, unanswered, count)
+        return answer_planes(world, margins, here, radius, first, x, y, z, vx, vy, vz, chunk,
+                             clear, cells, chosen, touching, held, unanswered, count)
     return count
 
 
 @inlined
-def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses, motion, log,
-            accounts, notes, x0, v0, ledger, candidates, chosen, answers):
+def _answer(world, step, start, end, block, i, radius, move, x0, v0, chosen, answers):
     """One step of particle i, which may touch something or not be finite; place and velocity."""
+    grid, rules, accounts, candidates = world.grid, world.rules, world.accounts, world.candidates
     u, v1 = candidate_of(candidates, rules.flight, i, v0)
     x1 = add_scaled(x0, rules.flight.dt, u)
     if not is_finite(x1, v1):
@@ -135,9 +133,8 @@ def _answer(grid, rules, step, start, end, block, i, radius, move, table, poses,
     reach = reach_of(radius, move, x0, x1) + 2.0 * rules.flight.dt * (length(v0) + length(v1))
     around = Around(grid, move, chosen)
     here = Here(step, start, end, block, i, radius, chosen, answers, chosen[:0])
-    here = chosen_within(around, here, table, poses, x0, reach)
-    place, velocity = resolve(rules, here, table, poses, motion, log, accounts, notes, x0, v0,
-                              ledger, candidates, around, reach)
+    here = chosen_within(around, world, here, x0, reach)
+    place, velocity = resolve(world, here, x0, v0, around, reach)
     if not is_finite(place, velocity):
         return freeze(accounts, block, x0)
     return place, velocity
@@ -155,9 +152,8 @@ def _empty_log(candidates, log, accounts, block):
 
 
 @inlined
-def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, motion, radius, log,
-               accounts, notes, ledger, candidates, x, v, new, scratch, clear, lengths, margins,
-               same, held, touching, unanswered, chunk, chosen, answers):
+def step_block(world, steps, row, block, upcoming, new, scratch, clear, lengths, margins, same,
+               held, touching, unanswered, chunk, chosen, answers):
     """
     Take one block of particles through the steps of a call, in place.
 
@@ -165,6 +161,10 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
     are held, and answered by themselves from their state before the step. Who would end with
     something that is not finite is frozen.
     """
+    grid, rules, table, poses = world.grid, world.rules, world.table, world.poses
+    motion, log, accounts = world.motion, world.log, world.accounts
+    ledger, candidates, x, v = world.ledger, world.candidates, world.x, world.v
+    radius, size = world.radius, world.block
     widest_vectors()
     lean = is_lean(candidates, ledger, rules.flight.quadratic)
     first, rows = block * size, poses.shape[0] - 1
@@ -201,23 +201,22 @@ def step_block(grid, rules, steps, row, size, block, upcoming, table, poses, mot
             prefetch_row(zt, ahead)
             _take(lean, rules.flight, ahead, xt, yt, zt, ut, vt, wt, new)
         here = Here(turn, start, end, block, first, 0.0, chosen, answers, chosen[:0])
-        left = _answer_together(ledger, candidates, grid, rules, margins, here, table, poses,
-                                motion, near, log, accounts, first, px, py, pz, vx, vy, vz, chunk,
+        left = _answer_together(world, margins, here, near, first, px, py, pz, vx, vy, vz, chunk,
                                 clear, lengths, chosen, touching, held, unanswered, count)
         move = most_move(motion, turn, table) if left > 0 else 0.0
         for n in range(left):
             k = unanswered[n]
             j = touching[k]
-            place, velocity = _answer(
-                grid, rules, turn, start, end, block, first + j, radius_at(near, j), move, table,
-                poses, motion, log, accounts, notes, (held[0, k], held[1, k], held[2, k]),
-                (held[3, k], held[4, k], held[5, k]), ledger, candidates, chosen, answers)
+            place, velocity = _answer(world, turn, start, end, block, first + j,
+                                      radius_at(near, j), move,
+                                      (held[0, k], held[1, k], held[2, k]),
+                                      (held[3, k], held[4, k], held[5, k]), chosen, answers)
             px[j], py[j], pz[j] = place
             vx[j], vy[j], vz[j] = velocity
 
 
 @entry
-def step_blocks(job, pieces, steps, row, looks, plan):
+def step_blocks(job, pieces, steps, row, looks, world):
     """
     Take blocks of particles through the steps of a call, in place, until none is left.
 
@@ -229,7 +228,7 @@ def step_blocks(job, pieces, steps, row, looks, plan):
         Not negative.
     row : int
         Row of the poses at the start of the first of them, and of their motion.
-    plan : plan.Plan
+    world : world.World
         What to do, and with what.
 
     Returns
@@ -241,10 +240,7 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     widest_vectors()
     if pieces != NO_PIECE:
         post(job, pieces, steps, row)
-    rules, table, poses, motion = plan.rules, plan.table, plan.poses, plan.motion
-    radius, log, accounts, notes = plan.radius, plan.log, plan.accounts, plan.notes
-    grid, candidates = refer_here(plan.grid), refer_here(plan.candidates)
-    x, v, ledger = plan.x, plan.v, plan.ledger
+    table = world.table
     tile = in_lines(9 * (TILE + APART)).reshape(9, TILE + APART)
     new, scratch, clear, lengths = tile[:6], tile[6], tile[7], tile[8]
     held = in_lines(6 * (BLOCK + APART)).reshape(6, BLOCK + APART)
@@ -255,7 +251,7 @@ def step_blocks(job, pieces, steps, row, looks, plan):
     numbers = np.empty(2 * BLOCK + table.shape[0], dtype=np.int64)
     touching, unanswered = numbers[:BLOCK], numbers[BLOCK:2 * BLOCK]
     chosen = numbers[2 * BLOCK:]
-    answers = keep_answers(rules.present.meshes, table)
+    answers = keep_answers(world.rules.present.meshes, table)
     serial, patience, side = NO_JOB, 0, AT_START
     if pieces == NO_PIECE:
         patience, side = looks, AT_END
@@ -265,10 +261,8 @@ def step_blocks(job, pieces, steps, row, looks, plan):
             early, upcoming = left > UNCLAIMED, block
             if early:
                 _, upcoming, left = claim(job, side)
-            step_block(grid, rules, job[FIRST], job[SECOND], plan.block, block, upcoming, table,
-                       poses, motion, radius, log, accounts, notes, ledger, candidates, x, v, new,
-                       scratch, clear, lengths, margins, same, held, touching, unanswered, chunk,
-                       chosen, answers)
+            step_block(world, job[FIRST], job[SECOND], block, upcoming, new, scratch, clear,
+                       lengths, margins, same, held, touching, unanswered, chunk, chosen, answers)
             fetch_add(job, DONE, 1)
             if not early:
                 _, upcoming, left = claim(job, side)

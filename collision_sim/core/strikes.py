@@ -36,28 +36,25 @@ import numpy as np
 
 
 @kernel
-def _strike_block(rules, everyone, answers, block, table, poses, motion, radius, log, accounts,
-                  ledger, candidates, x, v):
+def _strike_block(world, everyone, answers, block):
     """Collision stage of a block of particles; writes the velocities of those that collide."""
-    u, end = candidates.u, poses.shape[0] - 1
+    u, end, x, v = world.candidates.u, world.poses.shape[0] - 1, world.x, world.v
     for i in range(block * BLOCK, min((block + 1) * BLOCK, x.shape[1])):
-        here = Here(0, 0, end, block, i, radius_at(radius, i), everyone, answers,
+        here = Here(0, 0, end, block, i, radius_at(world.radius, i), everyone, answers,
                     everyone[:0])
         x0, v0 = (x[0, i], x[1, i], x[2, i]), (v[0, i], v[1, i], v[2, i])
         mean = (u[0, i], u[1, i], u[2, i])
-        x1 = add_scaled(x0, rules.flight.dt, mean)
-        touch, inside = detect(rules, here, table, poses, motion, accounts, x0, x1, v0, mean, True)
+        x1 = add_scaled(x0, world.rules.flight.dt, mean)
+        touch, inside = detect(world, here, x0, x1, v0, mean, True)
         if inside > 1:
-            touch, _, _, _ = foremost(rules, here, table, poses, motion, accounts,
-                                      touch, x0, x1, v0, mean)
+            touch, _, _, _ = foremost(world, here, touch, x0, x1, v0, mean)
         if inside and touch.hit:
-            after = collide(here, table, log, accounts, ledger, touch, v0)
+            after = collide(world, here, touch, v0)
             v[0, i], v[1, i], v[2, i] = after
 
 
 @entry
-def strike_blocks(posted, counters, rules, table, poses, motion, radius, log, accounts, ledger,
-                  candidates, x, v):
+def strike_blocks(posted, counters, world):
     """
     Collision stage of all particles, each with one collider at most.
 
@@ -65,19 +62,16 @@ def strike_blocks(posted, counters, rules, table, poses, motion, radius, log, ac
     ----------
     posted, counters : (1,), (SHARED,) int64
         Of threads.share.
-    rules, table, motion, radius, log, accounts, ledger, candidates, x, v
-        As in stepping.step_blocks; v is written.
-    poses : (1 or 2, C, 12) float64
-        At the ends of the step; one row where nothing moves.
+    world : world.World
+        With one step; velocities are written.
 
     """
-    everyone = np.arange(table.shape[0])
+    everyone = np.arange(world.table.shape[0])
     answers = np.empty((0, ANSWERS))
     fetch_add(posted, 0, 1)
     fetch_add(counters, ENTERED, 1)
     block = fetch_add(counters, CLAIMED, 1)
-    while block < accounts.shape[0]:
-        _strike_block(rules, everyone, answers, block, table, poses, motion, radius, log, accounts,
-                      ledger, candidates, x, v)
+    while block < world.accounts.shape[0]:
+        _strike_block(world, everyone, answers, block)
         block = fetch_add(counters, CLAIMED, 1)
     fetch_add(counters, LEFT, 1)

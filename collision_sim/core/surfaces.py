@@ -107,13 +107,13 @@ def _inner_gap(kind, size, face, q, radius):
 
 
 @inlined
-def body_frame(courses, table, poses, here, c, t, a):
+def body_frame(courses, world, here, c, t, a):
     """Turn a world vector into the frame of a collider at time t [s]."""
     if move(courses):
         spin = spin_rate(courses, here, c)
         if spin > 0.0:
             a = turned(spin_axis(courses, here, c), -spin * t, a)
-    return rotate_back(poses, here.start, c, a)
+    return rotate_back(world.poses, here.start, c, a)
 
 
 @inlined
@@ -128,7 +128,7 @@ def world_frame(courses, poses, here, c, t, a):
 
 
 @kernel
-def gap_to(here, table, poses, courses, c, face, side, radius, t, x):
+def gap_to(world, here, courses, c, face, side, radius, t, x):
     """
     Gap between a particle and a surface.
 
@@ -157,8 +157,9 @@ def gap_to(here, table, poses, courses, c, face, side, radius, t, x):
         Unit normal towards the particle's side, world frame.
 
     """
+    table, poses = world.table, world.poses
     arm = subtract(x, centre(courses, poses, here, c, t))
-    q = body_frame(courses, table, poses, here, c, t, arm)
+    q = body_frame(courses, world, here, c, t, arm)
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
     if side > 0.0 and face > 0:
         gap, slope, n = _inner_gap(table[c, KIND], size, face - 1, q, -radius)
@@ -172,8 +173,9 @@ def gap_to(here, table, poses, courses, c, face, side, radius, t, x):
 
 
 @inlined
-def touching_depth(table, poses, here, c, x):
+def touching_depth(world, here, c, x):
     """Gap [m] below which a particle touches."""
+    table, poses = world.table, world.poses
     return TOUCHING * (largest(x) + largest(origin(poses, here.start, c)) + table[c, SIZE]
                        + here.radius + here.way)
 
@@ -186,7 +188,7 @@ def is_flat(table, c, face, side):
 
 
 @kernel
-def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, rounding):
+def face_beside(world, here, courses, c, radius, t, x, w, slack, rounding):
     """
     Face of a box or cylinder that a particle at its edge goes along or away from, as a surface.
 
@@ -196,7 +198,7 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
 
     Parameters
     ----------
-    rules, here, table, poses, courses, c, radius, t, x
+    world, here, courses, c, radius, t, x
         As in `gap_to`.
     w : (3,) tuple of float [m/s]
         Velocity relative to the collider.
@@ -209,40 +211,42 @@ def face_beside(rules, here, table, poses, courses, c, radius, t, x, w, slack, r
         As in `gap_to`; 0 if there is none.
 
     """
+    table = world.table
     kind = table[c, KIND]
     if table[c, SIDE] > 0.0 and (kind == BOX or kind == CYLINDER):
         for face in range(1, faces(table, c, -1.0) + 1):
-            gap, _, n = gap_to(here, table, poses, courses, c, face, 1.0, radius, t, x)
-            if gap >= -slack and dot(w, n) >= -rounding and not _is_covered(
-                    here, table, poses, courses, c, face - 1, t, x):
+            gap, _, n = gap_to(world, here, courses, c, face, 1.0, radius, t, x)
+            if gap >= -slack and dot(w, n) >= -rounding and not _is_covered(world, here, courses,
+                                                                            c, face - 1, t, x):
                 return face
     return 0
 
 
 @kernel
-def runs_off(here, table, poses, courses, c, t, x, w, n, slack, rounding):
+def runs_off(world, here, courses, c, t, x, w, n, slack, rounding):
     """
     Whether a point on a face of a box or cylinder, with the normal n, leaves it over its edge now.
 
     There is nothing beyond that a point could slide on; a ball goes on to the round of the edge.
     The other arguments are as in `face_beside`.
     """
+    table = world.table
     if here.radius == 0.0 and has_faces(table, c):
         for face in range(1, faces(table, c, -1.0) + 1):
-            gap, _, m = gap_to(here, table, poses, courses, c, face, 1.0, 0.0, t, x)
+            gap, _, m = gap_to(world, here, courses, c, face, 1.0, 0.0, t, x)
             if abs(gap) <= slack and dot(w, m) > rounding and dot(m, n) < STEEP:
                 return True
     return False
 
 
 @kernel
-def open_face(rules, here, table, poses, courses, c, radius, t, x, n, slack):
+def open_face(world, here, courses, c, radius, t, x, n, slack):
     """
     Face of a box or cylinder that a particle touches at an edge, where the nearest is covered.
 
     Parameters
     ----------
-    rules, here, table, poses, courses, c, radius, t, x
+    world, here, courses, c, radius, t, x
         As in `gap_to`.
     n : (3,) tuple of float [-]
         Normal of the nearest one, world frame.
@@ -255,14 +259,14 @@ def open_face(rules, here, table, poses, courses, c, radius, t, x, n, slack):
         As in `gap_to`; 0 if the nearest is not covered, or no other is touched.
 
     """
+    table = world.table
     if has_faces(table, c):
-        m = body_frame(courses, table, poses, here, c, t, n)
+        m = body_frame(courses, world, here, c, t, n)
         nearest = face_towards(table, c, m)
-        if _is_covered(here, table, poses, courses, c, _own(table, c, nearest), t, x):
+        if _is_covered(world, here, courses, c, _own(table, c, nearest), t, x):
             for face in range(1, faces(table, c, -1.0) + 1):
-                gap, _, _ = gap_to(here, table, poses, courses, c, face, 1.0, radius, t, x)
-                if abs(gap) <= slack and not _is_covered(
-                        here, table, poses, courses, c, face - 1, t, x):
+                gap, _, _ = gap_to(world, here, courses, c, face, 1.0, radius, t, x)
+                if abs(gap) <= slack and not _is_covered(world, here, courses, c, face - 1, t, x):
                     return face
     return 0
 
@@ -274,10 +278,11 @@ def _own(table, c, face):
 
 
 @kernel
-def _is_covered(here, table, poses, courses, c, own, t, x):
+def _is_covered(world, here, courses, c, own, t, x):
     """Whether another collider covers a face of a box or a cylinder below a particle."""
+    table, poses = world.table, world.poses
     place = centre(courses, poses, here, c, t)
-    q = body_frame(courses, table, poses, here, c, t, subtract(x, place))
+    q = body_frame(courses, world, here, c, t, subtract(x, place))
     face = _own(table, c, own)
     margin = FLUSH * (largest(place) + table[c, SIZE] + table[c, SIZE + 1] + table[c, SIZE + 2])
     p = drawn_in(table, c, face, q, 2.0 * margin)
@@ -287,19 +292,20 @@ def _is_covered(here, table, poses, courses, c, own, t, x):
     for k in range(table.shape[0]):
         if k != c:
             arm = add(before, subtract(place, centre(courses, poses, here, k, t)))
-            depth = _depth_of(here, table, poses, courses, k, t, arm)
+            depth = _depth_of(world, here, courses, k, t, arm)
             if depth >= 0.5 * margin and (depth > 2.0 * margin or not leans(
-                    depth, _depth_of(here, table, poses, courses, k, t,
+                    depth, _depth_of(world, here, courses, k, t,
                                      add_scaled(arm, margin, n)), margin)):
                 return True
     return False
 
 
 @inlined
-def _depth_of(here, table, poses, courses, k, t, arm):
+def _depth_of(world, here, courses, k, t, arm):
     """Depth [m] in collider k of what is at `arm` from its position, world frame."""
+    table = world.table
     size = (table[k, SIZE], table[k, SIZE + 1], table[k, SIZE + 2])
-    gap, _ = local_distance(table[k, KIND], body_frame(courses, table, poses, here, k, t, arm),
+    gap, _ = local_distance(table[k, KIND], body_frame(courses, world, here, k, t, arm),
                             size)
     return -table[k, SIDE] * gap
 
@@ -313,7 +319,7 @@ def is_end(table, c, face, edge):
 
 
 @kernel
-def face_of(here, table, poses, courses, s, t, x, v):
+def face_of(world, here, courses, s, t, x, v):
     """
     Give the surface of the face of a box or cylinder that a particle is on from outside.
 
@@ -333,20 +339,21 @@ def face_of(here, table, poses, courses, s, t, x, v):
         leave it.
 
     """
+    table = world.table
     c, kind = s // FACES, table[s // FACES, KIND]
     if table[c, SIDE] < 0.0 or (kind != BOX and kind != CYLINDER) or s % FACES > 0:
         return s
-    _, _, n = gap_to(here, table, poses, courses, c, 0, 1.0, here.radius, t, x)
-    m = body_frame(courses, table, poses, here, c, t, n)
+    _, _, n = gap_to(world, here, courses, c, 0, 1.0, here.radius, t, x)
+    m = body_frame(courses, world, here, c, t, n)
     axis = 0 if abs(m[0]) > 0.9 else (1 if abs(m[1]) > 0.9 else 2)
     face = 2 * axis + (0 if m[axis] > 0.0 else 1)
     if kind == CYLINDER:
         face = 0 if abs(m[2]) < 0.5 else (2 if m[2] > 0.0 else 1)
-    w = subtract(v, material_velocity(courses, poses, here, c, t, x))
-    slack = touching_depth(table, poses, here, c, x)
+    w = subtract(v, material_velocity(courses, world.poses, here, c, t, x))
+    slack = touching_depth(world, here, c, x)
     for edge in range(faces(table, c, -1.0)):
         if is_end(table, c, face, edge):
-            gap, _, inward = gap_to(here, table, poses, courses, c, edge, -1.0, 0.0, t, x)
+            gap, _, inward = gap_to(world, here, courses, c, edge, -1.0, 0.0, t, x)
             if gap < -slack or (gap <= slack and dot(w, inward) < 0.0):
                 return s
     return FACES * c + 1 + face
@@ -359,13 +366,13 @@ def _zone(a, half):
 
 
 @kernel
-def region_of(here, table, poses, courses, s, t, x):
+def region_of(world, here, courses, s, t, x):
     """
     Which part of a shape is nearest, where the curvature jumps from one to the next.
 
     Parameters
     ----------
-    here, table, poses, courses
+    world, here, courses
         As in exact.py.
     s : int
         Surface.
@@ -380,9 +387,9 @@ def region_of(here, table, poses, courses, s, t, x):
         Of a capsule: side or cap; of a box or cylinder from outside: face, edge or corner.
 
     """
+    table, poses = world.table, world.poses
     c, kind = s // FACES, table[s // FACES, KIND]
-    q = body_frame(courses, table, poses, here, c, t,
-                   subtract(x, centre(courses, poses, here, c, t)))
+    q = body_frame(courses, world, here, c, t, subtract(x, centre(courses, poses, here, c, t)))
     if kind == CAPSULE:
         return _zone(q[2], table[c, SIZE + 1])
     if table[c, SIDE] < 0.0 or s % FACES > 0:
@@ -461,13 +468,13 @@ def _cylinder_bend(q, w, size, slack):
 
 
 @kernel
-def bend_of(rules, here, table, poses, courses, c, face, t, x, n, w):
+def bend_of(world, here, courses, c, face, t, x, n, w):
     """
     Second derivative of the gap that motion along the surface causes.
 
     Parameters
     ----------
-    rules, here, table, poses, courses, c, face, t, x
+    world, here, courses, c, face, t, x
         As in `gap_to`.
     n, w : (3,) tuple of float [-], [m/s]
         Normal, and velocity relative to the collider; world frame.
@@ -478,14 +485,15 @@ def bend_of(rules, here, table, poses, courses, c, face, t, x, n, w):
         w H w with the second derivatives H of the distance; w_t^2 / R outside a ball.
 
     """
+    table = world.table
     kind, side = table[c, KIND], table[c, SIDE]
     if is_flat(table, c, face, side):
         return 0.0
-    arm = subtract(x, centre(courses, poses, here, c, t))
-    q = body_frame(courses, table, poses, here, c, t, arm)
-    v = body_frame(courses, table, poses, here, c, t, w)
+    arm = subtract(x, centre(courses, world.poses, here, c, t))
+    q = body_frame(courses, world, here, c, t, arm)
+    v = body_frame(courses, world, here, c, t, w)
     size = (table[c, SIZE], table[c, SIZE + 1], table[c, SIZE + 2])
-    slack = touching_depth(table, poses, here, c, x)
+    slack = touching_depth(world, here, c, x)
     if kind == BOX:
         return _box_bend(q, v, size, slack)
     if kind == CYLINDER and side > 0.0 and face == 0:

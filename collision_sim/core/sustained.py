@@ -84,15 +84,14 @@ def pull(forces, v):
 
 
 @inlined
-def normal_at(here, table, poses, courses, s, t, x):
+def normal_at(world, here, courses, s, t, x):
     """Give the normal of a surface [-]."""
     c, face = s // FACES, s % FACES
-    return gap_to(here, table, poses, courses, c, face, table[c, SIDE], here.radius, t,
-                  x)[2]
+    return gap_to(world, here, courses, c, face, world.table[c, SIDE], here.radius, t, x)[2]
 
 
 @kernel
-def opening(rules, here, table, poses, courses, s, t, x, v, n):
+def opening(world, here, courses, s, t, x, v, n):
     """
     Acceleration of the gap without forces, and the velocity relative to the collider.
 
@@ -103,9 +102,10 @@ def opening(rules, here, table, poses, courses, s, t, x, v, n):
     w : (3,) tuple of float [m/s]
 
     """
+    poses = world.poses
     c, face = s // FACES, s % FACES
     w = subtract(v, material_velocity(courses, poses, here, c, t, x))
-    g = bend_of(rules, here, table, poses, courses, c, face, t, x, n, w)
+    g = bend_of(world, here, courses, c, face, t, x, n, w)
     return g - dot(n, frame_acceleration(courses, poses, here, c, t, x, w)), w
 
 
@@ -131,14 +131,14 @@ def still_speed(courses, poses, here, c, x, v):
 
 
 @kernel
-def _first_slip(dry, forces, here, table, poses, courses, holds, t, x, v, f, w, n0, n1, n2, g0,
-                g1, g2):
+def _first_slip(dry, forces, world, here, courses, holds, t, x, v, f, w, n0, n1, n2, g0, g1, g2):
     """
     Give the direction in which a particle begins to slide; zero where it is that of w.
 
     Friction turns the velocity of a slow slide into the direction of the drive within w / (mu N),
     which is stiff just after a particle has broken away. For a blink it is taken as turned.
     """
+    poses = world.poses
     if dry:
         if length(w) <= forces.blink * (length(f) + abs(g0)):
             normal = normal_forces(holds, n0, n1, n2, n0, n1, n2, g0, g1, g2)
@@ -148,7 +148,7 @@ def _first_slip(dry, forces, here, table, poses, courses, holds, t, x, v, f, w, 
             push = subtract(push, frame_acceleration(courses, poses, here, c, t, x, ZERO))
             for k in range(3):
                 if holds[k] != NONE:
-                    grip += table[holds[k] // FACES, KINETIC] * normal[k]
+                    grip += world.table[holds[k] // FACES, KINETIC] * normal[k]
             still = length(w) <= 2.0 * still_speed(courses, poses, here, c, x, v)
             if still or (dot(w, push) > 0.0 and length(push) > grip):
                 return push
@@ -162,13 +162,13 @@ def pull_slack(forces, a):
 
 
 @kernel
-def held(rules, forces, here, table, poses, courses, holds, t, x, v):
+def held(world, forces, here, courses, holds, t, x, v):
     """
     Acceleration of a particle that slides along the surfaces that hold it, and their forces.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses
+    world, forces, here, courses
         As in exact.py.
     holds : (3,) tuple of int
         Surfaces; none: free flight.
@@ -184,21 +184,22 @@ def held(rules, forces, here, table, poses, courses, holds, t, x, v):
         Normal forces per unit mass; not restricted to be positive.
 
     """
+    rules, table = world.rules, world.table
     f = pull(forces, v)
     if holds[0] == NONE:
         return f, ZERO
-    n0 = normal_at(here, table, poses, courses, holds[0], t, x)
-    g0, w0 = opening(rules, here, table, poses, courses, holds[0], t, x, v, n0)
+    n0 = normal_at(world, here, courses, holds[0], t, x)
+    g0, w0 = opening(world, here, courses, holds[0], t, x, v, n0)
     n1, g1, w1, n2, g2, w2 = n0, 0.0, ZERO, n0, 0.0, ZERO
     if holds[1] != NONE:
-        n1 = normal_at(here, table, poses, courses, holds[1], t, x)
-        g1, w1 = opening(rules, here, table, poses, courses, holds[1], t, x, v, n1)
+        n1 = normal_at(world, here, courses, holds[1], t, x)
+        g1, w1 = opening(world, here, courses, holds[1], t, x, v, n1)
     if holds[2] != NONE:
-        n2 = normal_at(here, table, poses, courses, holds[2], t, x)
-        g2, w2 = opening(rules, here, table, poses, courses, holds[2], t, x, v, n2)
+        n2 = normal_at(world, here, courses, holds[2], t, x)
+        g2, w2 = opening(world, here, courses, holds[2], t, x, v, n2)
     g0, g1, g2 = g0 + dot(n0, f), g1 + dot(n1, f), g2 + dot(n2, f)
-    push = _first_slip(rules.dry, forces, here, table, poses, courses, holds, t, x, v, f, w0, n0,
-                       n1, n2, g0, g1, g2)
+    push = _first_slip(rules.dry, forces, world, here, courses, holds, t, x, v, f, w0, n0, n1, n2,
+                       g0, g1, g2)
     d0 = _friction(rules.dry, rules.wet, forces.grip, table, holds[0] // FACES, w0, push,
                    n0)
     d1, d2 = n1, n2
@@ -214,7 +215,7 @@ def held(rules, forces, here, table, poses, courses, holds, t, x, v):
 
 
 @kernel
-def _rests_on(rules, table, holds, n0, n1, n2, need):
+def _rests_on(world, holds, n0, n1, n2, need):
     """
     Whether up to three surfaces can give a particle the acceleration `need` by resting on them.
 
@@ -227,7 +228,7 @@ def _rests_on(rules, table, holds, n0, n1, n2, need):
         if holds[k] != NONE:
             if not normal[k] >= -BALANCED * length(need):
                 return False
-            grip += table[holds[k] // FACES, STATIC] * normal[k]
+            grip += world.table[holds[k] // FACES, STATIC] * normal[k]
     _, d1, d2 = square_up(n0, n1, n2, holds)
     rest = 0.0
     if holds[1] == NONE:
@@ -258,22 +259,23 @@ def nearly_at_rest(forces, courses, poses, here, c, t, x, v):
 
 
 @kernel
-def can_rest(rules, forces, here, table, poses, courses, holds, t, x):
+def can_rest(world, forces, here, courses, holds, t, x):
     """Whether a particle that rests on the first of some surfaces goes on doing so at a time."""
+    poses = world.poses
     c = holds[0] // FACES
     v = material_velocity(courses, poses, here, c, t, x)
     need = subtract(frame_acceleration(courses, poses, here, c, t, x, ZERO), pull(forces, v))
-    n0 = normal_at(here, table, poses, courses, holds[0], t, x)
+    n0 = normal_at(world, here, courses, holds[0], t, x)
     n1, n2 = n0, n0
     if holds[1] != NONE:
-        n1 = normal_at(here, table, poses, courses, holds[1], t, x)
+        n1 = normal_at(world, here, courses, holds[1], t, x)
     if holds[2] != NONE:
-        n2 = normal_at(here, table, poses, courses, holds[2], t, x)
-    return _rests_on(rules, table, holds, n0, n1, n2, need)
+        n2 = normal_at(world, here, courses, holds[2], t, x)
+    return _rests_on(world, holds, n0, n1, n2, need)
 
 
 @kernel
-def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a, slack):
+def _opens(world, forces, here, courses, holds, other, t, x, v, a, slack):
     """
     Whether a touched surface that does not hold opens by more than slack at acceleration a.
 
@@ -281,27 +283,26 @@ def _opens(rules, forces, here, table, poses, courses, holds, other, t, x, v, a,
     """
     if other == holds[0] or other == holds[1] or other == holds[2]:
         return True
-    n = normal_at(here, table, poses, courses, other, t, x)
-    g, _ = opening(rules, here, table, poses, courses, other, t, x, v, n)
+    n = normal_at(world, here, courses, other, t, x)
+    g, _ = opening(world, here, courses, other, t, x, v, n)
     gap, least = g + dot(n, a), slack * BALANCED * (length(a) + length(forces.gravity))
     return gap > least or (slack < 0.0 and gap == least)
 
 
 @kernel
-def _slides_on(rules, forces, here, table, poses, courses, holds, met, count, t, x, v):
+def _slides_on(world, forces, here, courses, holds, met, count, t, x, v):
     """
     Whether sliding on `holds` needs no pull, and the other touched surfaces open.
 
     A surface with neither push nor pull holds: the next moment decides.
     """
-    a, normal = held(rules, forces, here, table, poses, courses, holds, t, x, v)
+    a, normal = held(world, forces, here, courses, holds, t, x, v)
     slack = 1.0 if holds[0] == NONE else -1.0
     for k in range(3):
         if holds[k] != NONE and not normal[k] >= -pull_slack(forces, a):
             return False
     for k in range(count):
-        if not _opens(rules, forces, here, table, poses, courses, holds, surface_of(met, k), t, x,
-                      v, a, slack):
+        if not _opens(world, forces, here, courses, holds, surface_of(met, k), t, x, v, a, slack):
             return False
     return True
 
@@ -317,56 +318,56 @@ def _all_still(forces, courses, poses, here, holds, t, x, v):
 
 
 @kernel
-def _keeps_still(rules, forces, here, table, poses, courses, holds, met, count, t, x):
+def _keeps_still(world, forces, here, courses, holds, met, count, t, x):
     """Whether resting on `holds` is possible, and the other touched surfaces let it."""
+    poses = world.poses
     c = holds[0] // FACES
-    if not can_rest(rules, forces, here, table, poses, courses, holds, t, x):
+    if not can_rest(world, forces, here, courses, holds, t, x):
         return False
     v = material_velocity(courses, poses, here, c, t, x)
     a = frame_acceleration(courses, poses, here, c, t, x, ZERO)
     for k in range(1, 3):
-        if holds[k] != NONE and _opens(rules, forces, here, table, poses, courses, NOBODY,
-                                       holds[k], t, x, v, a, 1.0):
+        if holds[k] != NONE and _opens(world, forces, here, courses, NOBODY, holds[k], t, x, v, a,
+                                       1.0):
             return False
     for k in range(count):
-        if not _opens(rules, forces, here, table, poses, courses, holds, surface_of(met, k), t, x,
-                      v, a, -1.0):
+        if not _opens(world, forces, here, courses, holds, surface_of(met, k), t, x, v, a, -1.0):
             return False
     return True
 
 
 @kernel
-def _slides(rules, forces, here, table, poses, courses, met, count, t, x, v):
+def _slides(world, forces, here, courses, met, count, t, x, v):
     """Return the first choice of surfaces on which a particle can slide, or NOBODY."""
     choice = first_choice(count)
     while choice[0] != NONE:
         holds = surfaces_of(met, choice)
-        if _slides_on(rules, forces, here, table, poses, courses, holds, met, count, t, x, v):
+        if _slides_on(world, forces, here, courses, holds, met, count, t, x, v):
             return holds
         choice = next_choice(choice, count)
     return NOBODY
 
 
 @kernel
-def _bearing(rules, forces, here, table, poses, courses, met, count, t, x, v):
+def _bearing(world, forces, here, courses, met, count, t, x, v):
     """Return the surfaces that bear the forces on a particle, without friction."""
     f = pull(forces, v)
     for k in range(count):
         n = facing(met, k)
-        g, _ = opening(rules, here, table, poses, courses, surface_of(met, k), t, x, v, n)
+        g, _ = opening(world, here, courses, surface_of(met, k), t, x, v, n)
         met[k, NEED] = -(g + dot(n, f))
     _, choice, _ = least_push(met, count)
     return surfaces_of(met, choice if choice[0] != NONE else first_choice(count))
 
 
 @kernel
-def choose_mode(rules, forces, here, table, poses, courses, met, released, t, x, v):
+def choose_mode(world, forces, here, courses, met, released, t, x, v):
     """
     How a particle that approaches nothing goes on: it flies, rests or slides, and on what.
 
     Parameters
     ----------
-    rules, forces, here, table, poses, courses, met
+    world, forces, here, courses, met
         As in exact.py.
     released : int
         Surface that does not hold it any more, or NONE.
@@ -383,24 +384,26 @@ def choose_mode(rules, forces, here, table, poses, courses, met, released, t, x,
         that leaves none, by rounding, those that bear the forces.
 
     """
-    count = gather(rules, here, table, poses, courses, met, t, x, v, 1.0, False)
+    poses = world.poses
+    count = gather(world, here, courses, met, t, x, v, 1.0, False)
     count = leave_out(met, count, released)
-    if count == 0 or _slides_on(rules, forces, here, table, poses, courses, NOBODY, met, count, t,
-                                x, v):
+    if count == 0 or _slides_on(world, forces, here, courses, NOBODY, met, count, t, x, v):
         return FLIES, NOBODY
     choice = first_choice(count)
     while choice[0] != NONE:
         holds = surfaces_of(met, choice)
-        if _all_still(forces, courses, poses, here, holds, t, x, v) and _keeps_still(
-                rules, forces, here, table, poses, courses, holds, met, count, t, x):
+        if _all_still(forces, courses, poses, here, holds, t, x, v) and _keeps_still(world, forces,
+                                                                                     here, courses,
+                                                                                     holds, met,
+                                                                                     count, t, x):
             return RESTS, holds
         choice = next_choice(choice, count)
-    holds = _slides(rules, forces, here, table, poses, courses, met, count, t, x, v)
+    holds = _slides(world, forces, here, courses, met, count, t, x, v)
     if holds[0] != NONE:
         return SLIDES, holds
-    holds = _slides(rules, smooth(forces), here, table, poses, courses, met, count, t, x, v)
+    holds = _slides(world, smooth(forces), here, courses, met, count, t, x, v)
     if holds[0] == NONE:
-        holds = _bearing(rules, forces, here, table, poses, courses, met, count, t, x, v)
+        holds = _bearing(world, forces, here, courses, met, count, t, x, v)
         if _all_still(forces, courses, poses, here, holds, t, x, v):
             return RESTS, holds
     return GLIDES, holds
@@ -414,20 +417,21 @@ def resting_place(courses, poses, here, c, x, since, t):
 
 
 @kernel
-def onto_surfaces(here, table, poses, courses, holds, t, x, v):
+def onto_surfaces(world, here, courses, holds, t, x, v):
     """Take rounding out of a particle on surfaces: gaps to zero, velocity along them."""
+    table, poses = world.table, world.poses
     for _ in range(2):
         n0 = n1 = n2 = (0.0, 0.0, 1.0)
         if holds[0] != NONE:
-            n0 = normal_at(here, table, poses, courses, holds[0], t, x)
+            n0 = normal_at(world, here, courses, holds[0], t, x)
         if holds[1] != NONE:
-            n1 = normal_at(here, table, poses, courses, holds[1], t, x)
+            n1 = normal_at(world, here, courses, holds[1], t, x)
         d = square_up(n0, n1, n2, holds)
         for k in range(3):
             if holds[k] != NONE:
                 c, face = holds[k] // FACES, holds[k] % FACES
-                gap, slope, n = gap_to(here, table, poses, courses, c, face,
-                                       table[c, SIDE], here.radius, t, x)
+                gap, slope, n = gap_to(world, here, courses, c, face, table[c, SIDE], here.radius,
+                                       t, x)
                 along = dot(n, d[k])
                 if abs(along) > BALANCED:
                     x = add_scaled(x, -gap / (slope * along), d[k])
