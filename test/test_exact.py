@@ -15,6 +15,7 @@
 """First time of collision on the paths of the event-driven method; order of its integrator."""
 
 from math import cos, expm1, inf, sin, sqrt
+from typing import NamedTuple
 
 from collision_sim import Scene
 from collision_sim.core import paths, shapes, surfaces
@@ -47,6 +48,15 @@ every_shape = pytest.mark.parametrize(('shape', 'side'), [
 every_motion = pytest.mark.parametrize('motion', MOTIONS)
 
 
+class Colliders(NamedTuple):
+    """What kernels ask of a World that has colliders only."""
+
+    rules: Rules
+    table: np.ndarray
+    poses: np.ndarray
+    accounts: np.ndarray
+
+
 @njit(error_model='numpy')
 def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
     """
@@ -63,8 +73,8 @@ def first_times(rules, forces, table, poses, courses, radius, x, v, a, k):
         side = table[i, 0, SIDE]
         for face in range(surfaces.faces(table[i], 0, side)):
             times[i] = min(times[i], paths.first_time(
-                rules, forces, here, table[i], poses[i], courses[i], work, accounts, path, 0, face,
-                side, radius[i], 0.0, 1.0, min(1.0, times[i])))
+                Colliders(rules, table[i], poses[i], accounts), forces, here, courses[i], work,
+                path, 0, face, side, radius[i], 0.0, 1.0, min(1.0, times[i])))
     return times, accounts[0, N_UNDECIDED]
 
 

@@ -14,6 +14,8 @@
 
 """Surfaces of colliders for the event-driven method: gaps, normals and curvature."""
 
+from typing import NamedTuple
+
 from collision_sim.core import surfaces
 from collision_sim.core.courses import AXIS, COURSE, LINEAR, SPIN
 from collision_sim.core.flight import Flight
@@ -35,16 +37,26 @@ COUNTS = {PLANE: 1, SPHERE: 1, BOX: 6, CAPSULE: 1, CYLINDER: 3}
 every_shape = pytest.mark.parametrize('shape', SHAPES)
 
 
+class Colliders(NamedTuple):
+    """What kernels ask of a World that has colliders only."""
+
+    rules: Rules
+    table: np.ndarray
+    poses: np.ndarray
+
+
 @njit(error_model='numpy')
 def gap(table, poses, courses, face, side, radius, t, x):
     """Call a kernel, which has no entry from Python."""
-    return surfaces.gap_to(HERE, table, poses, courses, 0, face, side, radius, t, x)
+    world = Colliders(RULES, table, poses)
+    return surfaces.gap_to(world, HERE, courses, 0, face, side, radius, t, x)
 
 
 @njit(error_model='numpy')
 def bend(table, poses, courses, face, t, x, n, w):
     """Call a kernel, which has no entry from Python."""
-    return surfaces.bend_of(RULES, HERE, table, poses, courses, 0, face, t, x, n, w)
+    world = Colliders(RULES, table, poses)
+    return surfaces.bend_of(world, HERE, courses, 0, face, t, x, n, w)
 
 
 @njit(error_model='numpy')
@@ -56,8 +68,8 @@ def distance(table, poses, x):
 @njit(error_model='numpy')
 def beside(table, poses, courses, x, w):
     """Call a kernel, which has no entry from Python."""
-    return surfaces.face_beside(RULES, HERE, table, poses, courses, 0, 0.0, 0.0, x, w, 1e-14,
-                                1e-14)
+    return surfaces.face_beside(Colliders(RULES, table, poses), HERE, courses, 0, 0.0, 0.0, x, w,
+                                1e-14, 1e-14)
 
 
 @njit(error_model='numpy')
