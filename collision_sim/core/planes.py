@@ -150,9 +150,8 @@ def _find_hits(poses, motion, step, start, end, c, s, count):
 
 
 @inlined
-def _collide(rare, world, step, start, end, c, s, count):
+def _collide(rare, rules, table, poses, motion, step, start, end, c, s, count):
     """Collision stage of a chunk; the new candidates, and where the old ones touched."""
-    rules, table, poses, motion = world.rules, world.table, world.poses, world.motion
     widest_vectors()
     for i in range(count):
         x0, v0, r = _read(s, PLACE, i), _read(s, VELOCITY, i), s[_at(RADIUS, i)]
@@ -173,9 +172,8 @@ def _collide(rare, world, step, start, end, c, s, count):
 
 
 @inlined
-def _press(rare, world, step, start, end, c, s, count):
+def _press(rare, rules, table, poses, motion, step, start, end, c, s, count):
     """Contact stage of a chunk, for those inside; places and velocities at the end."""
-    rules, table, poses, motion = world.rules, world.table, world.poses, world.motion
     widest_vectors()
     n, dt = (poses[end, c, 2], poses[end, c, 5], poses[end, c, 8]), rules.flight.dt
     for i in range(count):
@@ -299,28 +297,26 @@ def _keep(s, rows, count, unanswered, left):
 
 
 @inlined
-def _answer_chunk(rare, world, margins, here, motion, c, s, count, clear, cells, chosen):
+def _answer_chunk(rare, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                  cells, chosen):
     """
     Answer the particles of a chunk, in loops without branches.
 
     rare: 1, or None where there is neither wet friction nor quadratic drag; motion: None for a
     plane that stands still. What is known not to be there makes these loops up to a third faster.
     """
-    grid, rules, table, poses = world.grid, world.rules, world.table, world.poses
     step, start, end, full = here.step, here.start, here.end, _padded(s, count)
     if _find_hits(poses, motion, step, start, end, c, s, full) > 0:
-        _collide(rare, world, step, start, end, c, s, full)
+        _collide(rare, rules, table, poses, motion, step, start, end, c, s, full)
         _leave_if_near(grid, rules.present, margins, table, poses, start, end, c, s, count, clear,
                        cells, chosen)
-    _press(rare, world, step, start, end, c, s, full)
+    _press(rare, rules, table, poses, motion, step, start, end, c, s, full)
 
 
 @kernel
-def _settle_chunk(world, margins, here, first, c, x, y, z, vx, vy, vz, s, count, clear, cells,
-                  chosen, touching, unanswered, left):
+def _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log, accounts, x, y,
+                  z, vx, vy, vz, s, count, clear, cells, chosen, touching, unanswered, left):
     """Answer a chunk and write what is settled; how many particles are left, with the others."""
-    grid, rules, table, poses = world.grid, world.rules, world.table, world.poses
-    motion, log, accounts = world.motion, world.log, world.accounts
     if count == 0:
         return left
     for i in range(count):
@@ -331,11 +327,14 @@ def _settle_chunk(world, margins, here, first, c, x, y, z, vx, vy, vz, s, count,
     if count == 0:
         return left
     if table[c, WET] != 0.0 or rules.flight.quadratic[0] > 0.0:
-        _answer_chunk(1, world, margins, here, motion, c, s, count, clear, cells, chosen)
+        _answer_chunk(1, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                      cells, chosen)
     elif _is_still(motion, here.step, c):
-        _answer_chunk(None, world, margins, here, None, c, s, count, clear, cells, chosen)
+        _answer_chunk(None, grid, rules, margins, here, table, poses, None, c, s, count, clear,
+                      cells, chosen)
     else:
-        _answer_chunk(None, world, margins, here, motion, c, s, count, clear, cells, chosen)
+        _answer_chunk(None, grid, rules, margins, here, table, poses, motion, c, s, count, clear,
+                      cells, chosen)
     count, left = _keep(s, ROWS, count, unanswered, left)
     hits, contacts = 0, 0
     for i in range(count):
@@ -358,9 +357,9 @@ def answer_planes(world, margins, here, radius, first, x, y, z, vx, vy, vz, s, c
 
     Parameters
     ----------
-    world : broad_phase.Grid
+    grid : broad_phase.Grid
         Without cells in scenes of few colliders.
-    world
+    rules, table, poses, motion, log, accounts
         As in response.resolve.
     margins : (C,) float64
         Zeros: nobody sweeps.
@@ -391,7 +390,8 @@ def answer_planes(world, margins, here, radius, first, x, y, z, vx, vy, vz, s, c
         How many are left for response.resolve.
 
     """
-    grid, table, poses = world.grid, world.table, world.poses
+    grid, rules, table, poses = world.grid, world.rules, world.table, world.poses
+    motion, log, accounts = world.motion, world.log, world.accounts
     for m in range(grid.others.shape[0]):
         c = grid.others[m]
         if table[c, KIND] != PLANE:
@@ -413,9 +413,11 @@ def answer_planes(world, margins, here, radius, first, x, y, z, vx, vy, vz, s, c
             _write(s, BETWEEN, taken, x1)
             taken += 1
             if taken == CHUNK:
-                left = _settle_chunk(world, margins, here, first, c, x, y, z, vx, vy, vz, s, taken,
-                                     clear, cells, chosen, touching, unanswered, left)
+                left = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c,
+                                     log, accounts, x, y, z, vx, vy, vz, s, taken, clear, cells,
+                                     chosen, touching, unanswered, left)
                 taken = 0
-        count = _settle_chunk(world, margins, here, first, c, x, y, z, vx, vy, vz, s, taken, clear,
-                              cells, chosen, touching, unanswered, left)
+        count = _settle_chunk(grid, rules, margins, here, table, poses, motion, first, c, log,
+                              accounts, x, y, z, vx, vy, vz, s, taken, clear, cells, chosen,
+                              touching, unanswered, left)
     return count
