@@ -36,6 +36,7 @@ def prepare(scene, ledger=False):
     Parameters
     ----------
     scene : Scene
+        Left as it is.
     ledger : bool
         Whether accounts of energy are kept.
 

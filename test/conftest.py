@@ -21,6 +21,8 @@ from pathlib import Path
 
 from hypothesis import settings
 import pytest
+from signatures import (pytest_sessionfinish, pytest_terminal_summary,  # noqa: F401
+                        pytest_testnodedown)
 
 ROOT = Path(__file__).resolve().parents[1]
 
