@@ -171,6 +171,7 @@ def _prepare_all(scenes):
             results[name] = done = done or Done(0, 0, 0.0, reason)
             if done.compiled:
                 tqdm.write(f'{name}: {done.compiled} functions, {done.seconds:.1f} s')
+                sys.stdout.flush()
             bar.update()
     return results
 
