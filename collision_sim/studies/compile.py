@@ -132,7 +132,7 @@ def run(arguments):
     """
     if config.DISABLE_JIT:
         return _refuse('NUMBA_DISABLE_JIT is set, so nothing is ever compiled')
-    folder = step_blocks.stats.cache_path
+    folder = _folder()
     if folder is None:
         return _refuse('no folder for the cache can be written to; set NUMBA_CACHE_DIR to one')
     scenes = [(name, load_scene(name), False) for name in arguments.scenes] or _modules()
@@ -145,6 +145,11 @@ def run(arguments):
         print(f'everything is there (looked for {perf_counter() - began:.1f} s)')
     print(f'cache: {folder}')
     return _judge(results)
+
+
+def _folder():
+    """Give the folder of the cache, None where there is none."""
+    return step_blocks.stats.cache_path
 
 
 def _refuse(why):
