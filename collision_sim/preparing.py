@@ -23,6 +23,7 @@ from dataclasses import replace
 import time
 
 from collision_sim.core.pose_table import prepare as prepare_streams
+from collision_sim.core.threads import prepare_waiting
 from collision_sim.kinematics import Kinematics
 from collision_sim.particles import Particles
 from collision_sim.simulation import Simulation
@@ -52,6 +53,8 @@ def prepare(scene, ledger=False):
     start = time.perf_counter()
     simulation.step()
     duration = time.perf_counter() - start
+    if len(simulation._accounts) > 1:       # blocks, for several threads
+        prepare_waiting()
     if scene.pairs:
         Simulation(_met(scene), ledger=ledger).step()
     follows = [collider.name for collider in scene.colliders if collider.topic is not None]

@@ -83,6 +83,8 @@ MODULES = {
     'many colliders': {**BASE, 'colliders': [
         {'name': f'ball_{k}', 'shape': 'sphere', 'radius': 0.1, 'position': [k, 5.0, 0.0]}
         for k in range(60)]},
+    'many particles': {**BASE, 'particles': {
+        'count': 5000, 'box': {'min': [-1, -1, 1], 'max': [1, 1, 2]}}},
     'ledger': BASE,
     'ledger, exact': {**BASE, **_stepping(method='exact')},
     'ledger, pairs': {**BASE, 'particles': BALLS, 'pairs': {'restitution': 0.5}},
