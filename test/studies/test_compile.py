@@ -19,7 +19,7 @@ import subprocess
 import sys
 from time import perf_counter
 
-from collision_sim import cli, load_scene, Scene
+from collision_sim import cli, load_scene, Scene, Simulation
 from collision_sim.core import jit
 from collision_sim.core.stepping import step_blocks
 from collision_sim.preparing import prepare
@@ -163,3 +163,17 @@ def test_all_modules_are_all(compiled, tmp_path, capsys):
         for ledger in (False, True):
             prepare(each, ledger)
             assert not compiled
+
+
+@pytest.mark.jit
+@pytest.mark.parametrize('radius', [0.1, [0.1, 0.2]], ids=str)
+def test_a_first_touch_is_prepared(compiled, radius):
+    """Two balls that are apart at first and meet on the ground later: nothing is compiled then."""
+    scene = Scene.from_dict({
+        'particles': {'position': [[0, 0, 0.2], [0, 0, 1.0]], 'radius': radius},
+        'pairs': {'restitution': 0.5}, 'colliders': [compiling.GROUND]})
+    prepare(scene)
+    del compiled[:]
+    sim = Simulation(scene)
+    sim.step(300)
+    assert sim.counters['pair_collisions'] > 0 and not compiled
