@@ -74,8 +74,7 @@ class CollisionSimNode(SturdyNode):
         self._create_services()
         warn_of_unknown(self)
         self._prepare()
-        self._live = LiveParameters(self, self._stepped.scene, self._stepped._adopt,
-                                    self._change)
+        self._live = LiveParameters(self, self._stepped.scene, self._adopt, self._change)
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
                                         self._poses, self._outputs, self._live.refused,
                                         self.events.counts)
@@ -166,6 +165,10 @@ class CollisionSimNode(SturdyNode):
         if self._live is not None:
             self._live.adopt()
 
+    def _adopt(self, scene):
+        """Take steps of a scene with other values."""
+        self._stepped._adopt(scene)
+
     def _begin(self):
         """Let time go on from here."""
         self._seconds_a_step, self._ready = self._kernels.seconds_a_step, True
@@ -250,6 +253,7 @@ class CollisionSimNode(SturdyNode):
 
     def _report(self):
         self._poses.take_arrived()      # there are no ticks while a simulated clock stands
+        self._take_values()
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
