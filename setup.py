@@ -55,7 +55,9 @@ setup(
         *executables(),
     ],
     zip_safe=False,
-    install_requires=['numba>=0.58', 'numpy>=1.26', 'PyYAML', 'tqdm'],
+    # The oldest Numba that knows NumPy 1.26, and the oldest for Python 3.12: see .ci/run.
+    install_requires=['numba>=0.58.1; python_version < "3.12"',
+                      'numba>=0.59; python_version >= "3.12"', 'numpy>=1.26', 'PyYAML', 'tqdm'],
     extras_require={
         # The figures of `collision_sim report`.
         'report': ['matplotlib'],

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The command line: `collision_sim run | view | report | advise | stability | bench | sweep`.
+The command line: `collision_sim run | view | compile | report | advise | ...`.
 
 A subcommand is a module with `add_arguments(parser)` and `run(arguments)`, which gives the exit
 code; only the module of the one that was asked for is imported. Nothing that takes long is before
@@ -25,6 +25,7 @@ import sys
 COMMANDS = {
     'run': ('collision_sim.studies.run', 'run a scene and say what happened'),
     'view': ('collision_sim.studies.view', 'run a scene in real time and show it in the browser'),
+    'compile': ('collision_sim.studies.compile', 'compile what scenes need, before they run'),
     'report': ('collision_sim.studies.report', 'error against run time, on known or own scenes'),
     'advise': ('collision_sim.studies.advise', 'the method and dt for an error or a run time'),
     'stability': ('collision_sim.studies.stability', 'stiff and extreme cases'),
@@ -35,6 +36,7 @@ EXAMPLES = """\
 examples:
   collision_sim run demo --duration 5
   collision_sim view demo
+  collision_sim compile demo
   collision_sim report --quick --out report
   collision_sim advise my.yaml --error 1e-3
   collision_sim stability

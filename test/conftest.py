@@ -15,27 +15,15 @@
 """Strictness for every test; it has to be set before Numba and the messages are imported."""
 
 import gc
-import hashlib
 import os
 from pathlib import Path
 
 from hypothesis import settings
 import pytest
+from signatures import (pytest_sessionfinish, pytest_terminal_summary,  # noqa: F401
+                        pytest_testnodedown)
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-def _fresh_kernels():
-    """
-    Give Numba a cache of its own for each state of the kernels.
-
-    Numba looks only at the file of the function it caches: after a change in a file from which
-    that function calls another one, it would go on using the old machine code.
-    """
-    package = ROOT / 'collision_sim'
-    sources = sorted([*package.glob('*.py'), *package.glob('core/*.py')])
-    state = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()
-    return ROOT / '.pytest_cache' / 'numba' / state[:16]
 
 
 # To compile makes millions of objects that stay; to look through them again and again for garbage
@@ -46,7 +34,7 @@ gc.set_threshold(50000, 20, 100)
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 if os.access(ROOT, os.W_OK):
-    os.environ.setdefault('NUMBA_CACHE_DIR', str(_fresh_kernels()))
+    os.environ.setdefault('NUMBA_CACHE_DIR', str(ROOT / '.pytest_cache' / 'numba'))
 
 
 def pytest_addoption(parser):

@@ -33,12 +33,13 @@ NUMBA_DISABLE_JIT=1 turns all of them into plain Python.
 """
 
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 import pickle
 
 from collision_sim.core.interrupts import aside
+from collision_sim.core.stamps import stamp
 from llvmlite import binding, ir
 from numba import config, njit, typeof, types
 from numba.core import cgutils
@@ -114,28 +115,32 @@ KERNEL = {**FORMULA, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True,
           'pipeline_class': _compiler_into(PartLibrary)}
 
 
-def _sources():
-    """Digest of all files that kernels are in."""
-    digest = sha256()
-    for path in sorted(Path(__file__).parent.glob('*.py')):
-        digest.update(path.read_bytes())
-    return digest.digest()
-
-
 class KernelFiles(IndexDataCacheFile):
     """
     The files of a cached function, an index and one for each signature.
 
     Each begins with a digest of what follows: what a full disk has cut, or anything has changed,
     counts as absent. Numba would end with whatever that makes pickle raise, or run it.
+
+    Parameters
+    ----------
+    path, base : str
+        Folder, and what the names of the files begin with.
+    stamp : callable
+        Gives the digest of what the function is made from; called when that is asked for.
+
     """
 
+    def __init__(self, path, base, stamp):
+        super().__init__(path, base, b'')
+        self._stamp = stamp
+
     def _save_index(self, overloads):
-        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+        self._write(self._index_path, (self._version, self._stamp(), overloads))
 
     def _load_index(self):
         found = self._read(self._index_path)
-        if found is None or found[:2] != (self._version, self._source_stamp):
+        if found is None or found[:2] != (self._version, self._stamp()):
             return {}
         return found[2]
 
@@ -170,16 +175,26 @@ class KernelCache(FunctionCache):
     Numba's cache of compiled functions, as the core needs it.
 
     Numba takes a function from its cache as long as the file it is in stays the same. What it
-    calls may be in another file, of a newer version by now: here all files have to be the same.
-    And it begins with all it needs to compile, a third of a second, before it looks whether
-    anything has to be: here that waits until something has. Where a function cannot be read or
-    kept, it is compiled, and nothing is said.
+    calls may be in another file, of a newer version by now: here all that is compiled into it has
+    to be the same, and nothing else (stamps.py). And it begins with all it needs to compile, a
+    third of a second, before it looks whether anything has to be: here that waits until something
+    has. Where a function cannot be read or kept, it is compiled, and nothing is said.
+
+    Attributes
+    ----------
+    lost : int
+        How many functions could not be kept, of all caches.
+
     """
 
-    def __init__(self, function):
+    lost = 0
+
+    def __init__(self, function, options):
         super().__init__(function)
-        base = self._impl.filename_base
-        self._cache_file = KernelFiles(self._cache_path, base, SOURCES)
+        line = f'-{function.__code__.co_firstlineno}.'      # changes with what is above it
+        base = '-0.'.join(self._impl.filename_base.rsplit(line, 1))
+        self._cache_file = KernelFiles(self._cache_path, base, cache(partial(
+            stamp, function, options)))
 
     def load_overload(self, sig, target_context):
         """Give what is stored for a signature, or None: then it will be compiled."""
@@ -194,14 +209,16 @@ class KernelCache(FunctionCache):
 
     def save_overload(self, sig, data):
         """Keep what was compiled for a signature, where there is a place for it."""
-        with suppress(OSError):
+        try:
             self._save_overload(sig, data)
+        except OSError:
+            KernelCache.lost += 1
 
 
-def _cache_of(function):
+def _cache_of(function, options):
     """Give the cache of a function; none where no folder for it can be written to."""
     try:
-        return KernelCache(function)
+        return KernelCache(function, options)
     except (OSError, RuntimeError):
         return NullCache()
 
@@ -211,7 +228,7 @@ def _compiled(options):
     def decorate(function):
         dispatcher = njit(**options)(function)
         if not config.DISABLE_JIT:
-            dispatcher._cache = _cache_of(function)
+            dispatcher._cache = _cache_of(function, options)
             dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)
             dispatcher.compile = partial(_compile, dispatcher.compile)
         return dispatcher
@@ -238,7 +255,6 @@ def _compile(compile_here, signature):
 
 DIGEST = sha256().digest_size
 WORD = 64               # bits
-SOURCES = _sources()
 law = _compiled(LAW)
 formula = _compiled(FORMULA)
 entry = _compiled(ENTRY)

@@ -177,6 +177,12 @@ def prepare(function, *args):
     bound(function, _posted, np.zeros(SHARED, dtype=np.int64), *args)
 
 
+def prepare_waiting():
+    """Compile what threads wait for each other with, if need be."""
+    bound(_watch_for_work, _posted, _posted[0], LOOKS)
+    bound(_watch_the_last, np.zeros(SHARED, dtype=np.int64), LOOKS)
+
+
 @inlined
 def post(job, pieces, first, second):
     """Offer a job to a crew, whose last one is done: so many pieces, and what to do."""

@@ -61,8 +61,6 @@ class Diagnostics:
         Per step, and per message of all topics together.
     slow, paused : bool
         Whether steps were left out for lack of time; whether none are asked for.
-    compiling : str
-        Which kernels there are not yet, and what that means; '' as a rule.
     largest : int
         Bytes of the largest message so far.
 
@@ -70,7 +68,7 @@ class Diagnostics:
 
     def __init__(self, name, simulation, poses, outputs, refused, events=Counter()):
         """Begin the first interval when somebody listens."""
-        self.paused, self.compiling, self.largest = False, '', 0
+        self.paused, self.largest = False, 0
         self._name = name
         self._simulation, self._poses, self._outputs = simulation, poses, outputs
         self._refused, self._events = refused, events
@@ -124,10 +122,10 @@ class Diagnostics:
         self._sent = start
         self.publish_times.append(end - start)
 
-    def preparing(self):
-        """Give the message before the first kernels are ready: what they measure is left out."""
+    def preparing(self, why):
+        """Give the message before the kernels are ready, and why; there is nothing to measure."""
         return DiagnosticArray(status=[_status(
-            self._name + ': pace', [(WARN, self.compiling)],
+            self._name + ': pace', [(WARN, why)],
             {'particles': len(self._simulation.position)})])
 
     def _pace(self):
@@ -146,8 +144,6 @@ class Diagnostics:
             'particles in a PoseArray': self._outputs.messages.shown,
         }
         findings = []
-        if self.compiling:
-            findings.append((WARN, self.compiling))
         if self._trouble and self.largest > fast_dds.LARGE:
             findings.append((WARN, 'messages of %.1f MB may get lost: %s' % (
                 1e-6 * self.largest, self._trouble)))

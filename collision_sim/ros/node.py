@@ -27,13 +27,13 @@ from collision_sim.ros import fast_dds
 from collision_sim.ros.advice import advice
 from collision_sim.ros.clocks import FollowedClock, PublishedClock
 from collision_sim.ros.diagnostics import Diagnostics
-from collision_sim.ros.kernels import Kernels
 from collision_sim.ros.outputs import Outputs
 from collision_sim.ros.parameters import (declare_fixed, declare_values, LiveParameters,
                                           warn_of_unknown)
 from collision_sim.ros.pose_topics import PoseTopics
 from collision_sim.ros.spin import spin, SturdyNode
 from collision_sim.ros.start import main
+from collision_sim.ros.warm_up import WarmUp
 from collision_sim.scene import is_of_a_part
 from collision_sim.simulation import Simulation
 from diagnostic_msgs.msg import DiagnosticArray
@@ -74,7 +74,7 @@ class CollisionSimNode(SturdyNode):
         self._create_services()
         warn_of_unknown(self)
         self._prepare()
-        self._live = LiveParameters(self, self._simulation.scene, self._adopt, self._change)
+        self._live = LiveParameters(self, self._stepped.scene, self._adopt, self._change)
         self._diagnostics = Diagnostics(self.get_fully_qualified_name(), self._simulation,
                                         self._poses, self._outputs, self._live.refused,
                                         self.events.counts)
@@ -93,7 +93,7 @@ class CollisionSimNode(SturdyNode):
 
     @property
     def _simulation(self):
-        """The simulation, with all values that have come and that it has kernels for."""
+        """The simulation, with all values that have come."""
         self._take_values()
         return self._stepped
 
@@ -128,24 +128,11 @@ class CollisionSimNode(SturdyNode):
         self._namesakes = self.create_timer(3.0, self._warn_of_namesakes, clock=steady)
 
     def _prepare(self):
-        """Begin to prepare the kernels; until the first are ready the node is as in a pause."""
-        self._stepped.record_contacts = self._outputs.contacts_wanted
-        self._kernels = Kernels(self._stepped.scene, self._stepped.ledger is not None,
-                                self._stepped.record_contacts)
-        self._waiting = None        # timer while some are not ready
-        self._await_kernels()
-
-    def _await_kernels(self):
-        """See to it that somebody looks whether the kernels are ready."""
-        if self._waiting is None:
-            self._told = False      # that they are compiled
-            self._waiting = self.create_timer(WAITING, self._look_at_kernels, clock=Clock(
-                clock_type=ClockType.STEADY_TIME))      # also while a simulated clock stands
-
-    @property
-    def preparing(self):
-        """Whether there are no kernels yet to step with."""
-        return not self._kernels.start.ready
+        """Begin to prepare the kernels; until they are ready the node is as in a pause."""
+        self._told = False          # that they are compiled
+        self._kernels = WarmUp(self._stepped.scene, self._stepped.ledger is not None)
+        self._waiting = self.create_timer(WAITING, self._look_at_kernels, clock=Clock(
+            clock_type=ClockType.STEADY_TIME))      # also while a simulated clock stands
 
     @property
     def failure(self):
@@ -153,49 +140,38 @@ class CollisionSimNode(SturdyNode):
         return self._kernels.failure
 
     def wait_until_ready(self):
-        """Do not serve but wait until all kernels are ready; raises what kept them from it."""
-        self._take_values()
-        self._kernels.wait()
+        """Do not serve but wait until the kernels are ready; raises what kept them from it."""
+        self._kernels.seconds_a_step
         self._look_at_kernels()
 
     def _look_at_kernels(self):
         """Say that they are compiled, where they are; begin when they are ready."""
         if self._kernels.compiles and not self._told:
             self._told = True
-            self.get_logger().info(
-                'compiling the kernels%s, which takes a while; they are kept for the next time'
-                % (self._values_in_words() or ' of the scene'))
-        if self._kernels.all_done and self._waiting is not None:
+            self.get_logger().info('compiling the kernels of the scene, which takes a while; they '
+                                   'are kept for the next time')
+        if self._kernels.done and self._waiting is not None:
             self.destroy_timer(self._waiting)
             self._waiting = None
-        if self.failure is not None:
-            self.context.try_shutdown()     # which ends spinning
-        elif not self.preparing and not self._ready:
-            self._begin()
+            if self.failure is not None:
+                self.context.try_shutdown()     # which ends spinning
+            else:
+                self._begin()
 
     # --- changes of the scene --------------------------------------------------------------
 
     def _take_values(self):
-        """Let the simulation have what has come; give names of parameters that have to wait."""
-        return self._live.adopt() if self._live is not None else []
-
-    def _values_in_words(self):
-        """Say for which parameters there are no kernels yet."""
-        names = self._take_values()
-        return ' for the new value of ' + ', '.join(names) if names else ''
+        """Let the simulation have what has come."""
+        if self._live is not None:
+            self._live.adopt()
 
     def _adopt(self, scene):
-        """Take steps of a scene with other values if there are kernels for it, else make them."""
-        ready = self._kernels.adopt(scene, self._stepped.record_contacts)
-        if ready:
-            self._stepped._adopt(scene)
-        if not self._kernels.all_done:
-            self._await_kernels()
-        return ready
+        """Take steps of a scene with other values."""
+        self._stepped._adopt(scene)
 
     def _begin(self):
         """Let time go on from here."""
-        self._seconds_a_step, self._ready = self._kernels.start.seconds_a_step, True
+        self._seconds_a_step, self._ready = self._kernels.seconds_a_step, True
         self._time.begin()
         if not self._paused:
             self._poses.release(self._time.now())
@@ -268,42 +244,29 @@ class CollisionSimNode(SturdyNode):
         """
         outputs = self._outputs
         wanted = outputs.contacts_wanted
-        self._use_kernels(wanted)
+        self._stepped.record_contacts = wanted
         self._poses.step(self._simulation, times, pace,
                          outputs.messages.add_contacts if wanted else None)
         self._diagnostics.steps += len(times)
-
-    def _use_kernels(self, contacts):
-        """Record contacts or not, if the kernels for it are ready; gives whether they are."""
-        ready = self._kernels.ready(contacts)
-        self._stepped.record_contacts = contacts if ready else not contacts
-        return ready
 
     # --- out -------------------------------------------------------------------------------
 
     def _report(self):
         self._poses.take_arrived()      # there are no ticks while a simulated clock stands
-        self._diagnostics.compiling = self._being_compiled()
+        self._take_values()
         if not self._diagnostic.get_subscription_count():
             self._diagnostics.rest()
             return
         message = self._diagnostics.report(self._time.now()) if self._ready \
-            else self._diagnostics.preparing()
+            else self._diagnostics.preparing(self._being_compiled())
         if message is not None:
             message.header.stamp = self.get_clock().now().to_msg()
             self._diagnostic.publish(message)
 
     def _being_compiled(self):
-        """Say which kernels there are not yet, '' if they are all there."""
+        """Say that there are no kernels yet."""
         verb = 'compiling' if self._kernels.compiles else 'loading or compiling'
-        if not self._ready:
-            return verb + ' the kernels, nothing moves yet'
-        values = self._values_in_words()
-        if values:
-            return verb + ' the kernels%s; the value before it holds until then' % values
-        if self._outputs.contacts_wanted and not self._kernels.ready(True):
-            return verb + ' the kernels that record contacts; none are shown until then'
-        return ''
+        return verb + ' the kernels, nothing moves yet'
 
     def _warn_of_namesakes(self):
         """Say once that another node has the same name: both would answer."""
@@ -357,13 +320,13 @@ class CollisionSimNode(SturdyNode):
 
     def _step(self, request, response):
         """Take one step, in which the colliders move to the newest poses; publish it at once."""
-        wanted = self._outputs.contacts_wanted
-        if self._take_values() or not (self._ready and self._use_kernels(wanted)):
+        if not self._ready:
             return _answer(response, False, 'the kernels are still being compiled')
         if not self._paused:
             return _answer(response, False, 'only while paused')
         self._poses.take_arrived()
         moved = self._poses.move_held(self._simulation)
+        wanted = self._stepped.record_contacts = self._outputs.contacts_wanted
         self._simulation.step()
         self._diagnostics.steps += 1
         if wanted:

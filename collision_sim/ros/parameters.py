@@ -194,8 +194,7 @@ class LiveParameters:
     scene : Scene
         With the values that they have.
     adopt : callable
-        Called with a Scene that the simulation is to have; gives whether it has it now. If not,
-        it is called again.
+        Called with a Scene that the simulation is to have.
     node_changed : callable
         Called with name and value after a parameter of the node itself has changed.
 
@@ -222,24 +221,12 @@ class LiveParameters:
     # --- changes ---------------------------------------------------------------------------
 
     def adopt(self):
-        """
-        Let the simulation have all that has come.
-
-        Returns
-        -------
-        waiting : list of str
-            Names of the parameters whose values it cannot have yet.
-
-        """
+        """Let the simulation have all that has come."""
         self._take_arrived()
         self._follow()
-        if self._adopted is not self._scene and self._adopt(self._scene):
+        if self._adopted is not self._scene:
+            self._adopt(self._scene)
             self._adopted = self._scene
-        if self._adopted is self._scene:
-            return []
-        before = self._adopted.parameters()
-        return [name for name, parameter in self._scene.parameters().items()
-                if parameter.value != before[name].value]
 
     def set_each(self, parameters):
         """

@@ -14,24 +14,23 @@
 
 """While its kernels are being compiled the node serves as in a pause; then it moves."""
 
-import io
+from contextlib import suppress
+from pathlib import Path
 import subprocess
 import sys
 import threading
-import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from collision_sim.ros import kernels, warm_up  # noqa: E402, I100
+from collision_sim.ros import warm_up  # noqa: E402, I100
 from collision_sim.ros.messages import read_pose_array  # noqa: E402
-from collision_sim.scene import Scene  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from geometry_msgs.msg import PoseArray  # noqa: E402
-from harness import DEADLINE, jittered_stamps, PADDLE, pose_message, TICK  # noqa: E402
+from harness import (DEADLINE, jittered_stamps, PADDLE, pose_message, stop_node,  # noqa: E402
+                     TICK)
 from numba import config, njit  # noqa: E402
 from numba.core import event  # noqa: E402
 from rcl_interfaces.srv import ListParameters, SetParameters  # noqa: E402
@@ -49,14 +48,10 @@ import sys
 from collision_sim.ros import warm_up
 from collision_sim.ros.start import main
 
-compiled, failing = warm_up._step, [name == 'contacts' for name in sys.argv[1:]]
+def fail(scene, ledger):
+    raise RuntimeError('no machine code today')
 
-def fail(scene, ledger, contacts):
-    if contacts in failing:
-        raise RuntimeError('no machine code today')
-    return compiled(scene, ledger, contacts)
-
-warm_up._step = fail
+warm_up.prepare = fail
 sys.exit(main([]))
 """
 
@@ -64,18 +59,17 @@ sys.exit(main([]))
 @pytest.fixture
 def slow(drive, monkeypatch):
     """Give a function that makes a node whose kernels are not ready before `release`."""
-    compiled, events = warm_up._step, []
+    compiled, events = warm_up.prepare, []
 
     def make(scene, **parameters):
-        released = {recording: threading.Event() for recording in (False, True)}
-        events.extend(released.values())
+        released = threading.Event()
+        events.append(released)
 
-        def wait(scene, ledger, contacts):
-            assert released[contacts].wait(DEADLINE)
-            return compiled(scene, ledger, contacts)
+        def wait(scene, ledger):
+            assert released.wait(DEADLINE)
+            return compiled(scene, ledger)
 
-        monkeypatch.setattr(warm_up, '_step', wait)
-        monkeypatch.setattr(warm_up, 'LONG', DEADLINE)      # no help
+        monkeypatch.setattr(warm_up, 'prepare', wait)
         driver = drive(scene, ready=False, **parameters)
         driver.released = released
         return driver
@@ -86,8 +80,7 @@ def slow(drive, monkeypatch):
 
 
 def release(driver):
-    for released in driver.released.values():
-        released.set()
+    driver.released.set()
     driver.node.wait_until_ready()
 
 
@@ -144,7 +137,7 @@ def test_diagnostics_say_so(slow):
     driver.spin_until(lambda: messages)
     pace, = messages[-1].status
     assert pace.level == DiagnosticStatus.WARN and 'compiling' in pace.message
-    driver.released[False].set()
+    driver.released.set()
     driver.spin_until(lambda: messages[-1].status[0].level == DiagnosticStatus.OK)
     assert len(messages[-1].status) == 3
 
@@ -188,24 +181,19 @@ def test_a_start_time_holds(slow):
         assert driver.simulation.time == pytest.approx(simulated, abs=2 * driver.simulation.dt)
 
 
-def test_contacts_begin_when_they_can_be_recorded(slow):
-    """Time does not wait for the kernels that record them; a step asked for is refused."""
+def test_contacts_that_somebody_has_waited_for(slow):
+    """Who listens while the kernels compile sees those of the first steps; time waits for none."""
     driver, messages = slow(LYING), []
     driver.peer.create_subscription(MarkerArray, NODE + '/contacts', messages.append, 50)
     driver.spin_until(lambda: driver.outputs._contacts.get_subscription_count())
-    driver.released[False].set()
-    driver.spin_until(lambda: driver.node._ready)
+    driver.run(0.2)
+    assert not any(shows_contacts(message) for message in messages)
+    release(driver)
     driver.run(0.5)
     assert driver.simulation.time == pytest.approx(0.5, abs=driver.simulation.dt)
     assert driver.simulation.counters['contacts'] > 100
-    assert not driver.simulation.record_contacts
-    driver.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
-    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
-    assert not answer.success and 'compiled' in answer.message
-    assert not any(shows_contacts(message) for message in messages)
-    release(driver)
-    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
-    driver.spin_until(lambda: shows_contacts(messages[-1]))
+    assert driver.simulation.record_contacts
+    driver.spin_until(lambda: any(shows_contacts(message) for message in messages))
 
 
 def shows_contacts(message):
@@ -214,30 +202,32 @@ def shows_contacts(message):
 
 FALLING = {'particles': {'position': [[0, 0, 5]]}, 'drag': {'linear': 0.0},
            'colliders': [{'name': 'ground', 'shape': 'plane'}]}
-# With the fixed-step methods drag is a value like others; the event-driven one has kernels for it.
 BY_EVENTS = {**FALLING, 'stepping': {'method': 'exact'}}
 
 
+class Listening(event.Listener):
+    """Calls a function with each event."""
+
+    def __init__(self, call):
+        self._call = call
+
+    def on_start(self, event):
+        self._call(event)
+
+    def on_end(self, event):
+        self._call(event)
+
+
 @pytest.fixture
-def held(drive, monkeypatch):
-    """Give a function that makes a node whose kernels for new values wait for its `released`."""
-    load, released = warm_up._load, threading.Event()
+def compiled():
+    """Give a list of what any thread of this process compiles, which ought to be empty."""
+    names = []
 
-    def wait(warming, scene, ledger, contacts):
-        warming.compiles = True
-        assert released.wait(DEADLINE)
-        return load(warming, scene, ledger, contacts)
-
-    def make(scene, **parameters):
-        driver = drive(scene, **parameters)
-        driver.released = released
-        return driver
-
-    monkeypatch.setattr(warm_up, '_load', wait)
-    # No value needs other kernels as it is: here drag does.
-    monkeypatch.setattr(kernels, 'variant', lambda scene: scene.drag and scene.drag.linear)
-    yield make
-    released.set()
+    def note(compiling):
+        if compiling.is_start:
+            names.append(compiling.data['dispatcher'].py_func.__qualname__)
+    with event.install_listener('numba:compile', Listening(note)):
+        yield names
 
 
 def set_drag(driver, value):
@@ -246,45 +236,40 @@ def set_drag(driver, value):
     return driver.call(SetParameters, NODE + '/set_parameters', request).results[0]
 
 
-def test_steps_go_on_while_the_kernels_for_a_new_value_compile(held):
-    """By the value before it, and the diagnostics say so; then by the new one."""
-    driver, messages, particles = held(BY_EVENTS), [], []
+@pytest.mark.parametrize('scene', [FALLING, BY_EVENTS], ids=['in_steps', 'by_events'])
+def test_steps_go_on_with_new_values_at_once(drive, scene):
+    """The tick after they are set takes them; services answer, and nothing is out of order."""
+    driver, messages, particles = drive(scene), [], []
     driver.peer.create_subscription(DiagnosticArray, '/diagnostics', messages.append, 5)
     driver.peer.create_subscription(PoseArray, NODE + '/particles', particles.append, 5, raw=True)
     driver.spin_until(lambda: driver.outputs._particles.get_subscription_count())
-    assert set_drag(driver, 100.0).successful and set_restitution(driver, 0.25).successful
-    assert driver.node.get_parameter('drag.linear').value == 100.0
-    driver.run(0.5, each=lambda: driver.executor.spin_once(timeout_sec=0.0))
+    driver.run(0.5)
     time_before = driver.simulation.time
     assert time_before == pytest.approx(0.5, abs=driver.simulation.dt)
     assert driver.simulation.velocity[0, 2] == pytest.approx(-9.81 * time_before)
-    assert driver.simulation.scene.drag.linear == driver.simulation.scene.restitution == 0.0
-    driver.spin_until(lambda: messages and 'drag.linear' in messages[-1].status[0].message)
-    assert messages[-1].status[0].level == DiagnosticStatus.WARN
-    assert 'compiling' in messages[-1].status[0].message and len(particles) > 10
-    driver.released.set()
-    driver.node.wait_until_ready()
-    driver.run(0.5)
+    assert set_drag(driver, 100.0).successful and set_restitution(driver, 0.25).successful
+    assert driver.node.get_parameter('drag.linear').value == 100.0
+    driver.run(TICK)
+    assert driver.simulation.time > time_before
     assert driver.simulation.scene.drag.linear == 100.0
     assert driver.simulation.scene.restitution == 0.25
+    assert driver.simulation.velocity[0, 2] > -0.5 * 9.81 * time_before
+    driver.run(0.5, each=lambda: driver.executor.spin_once(timeout_sec=0.0))
     assert driver.simulation.velocity[0, 2] == pytest.approx(-0.0981, rel=1e-6)
+    driver.spin_until(lambda: messages and len(particles) > 10)
     driver.spin_until(lambda: messages[-1].status[0].level == DiagnosticStatus.OK)
 
 
-def test_a_step_asked_for_waits_for_the_kernels_of_a_new_value(held):
-    """It is refused rather than taken with the value before; back there it is taken at once."""
-    driver = held(BY_EVENTS)
+@pytest.mark.parametrize('scene', [FALLING, BY_EVENTS], ids=['in_steps', 'by_events'])
+def test_a_step_asked_for_takes_a_new_value(drive, scene):
+    """It is never refused for it; and back at the value before it is the step of before."""
+    driver = drive(scene)
     driver.call(SetBool, NODE + '/pause', SetBool.Request(data=True))
-    assert set_drag(driver, 100.0).successful
-    answer = driver.call(Trigger, NODE + '/step', Trigger.Request())
-    assert not answer.success and 'compiled' in answer.message and driver.simulation.time == 0.0
-    assert set_drag(driver, 0.0).successful
-    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
-    assert set_drag(driver, 100.0).successful
-    driver.released.set()
-    driver.node.wait_until_ready()
-    assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
-    assert driver.simulation.scene.drag.linear == 100.0
+    for value in (100.0, 0.0, 100.0):
+        assert set_drag(driver, value).successful
+        assert driver.call(Trigger, NODE + '/step', Trigger.Request()).success
+        assert driver.simulation.scene.drag.linear == value
+    assert driver.simulation.time == pytest.approx(3 * driver.simulation.dt)
 
 
 def test_only_what_is_compiled_is_said_to_be(drive, capfd):
@@ -297,92 +282,100 @@ def test_only_what_is_compiled_is_said_to_be(drive, capfd):
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
-@pytest.mark.parametrize('beside', [False, True])
-def test_what_is_compiled_is_noticed(monkeypatch, beside):
-    """Here or, beside other steps, in a process; the second time nothing has to be."""
+def test_what_is_compiled_is_noticed(monkeypatch):
+    """The second time nothing has to be."""
     @njit
     def double(x):
         return 2.0 * x
 
-    def compile_elsewhere(*what):
-        double(1.0)
-        return SimpleNamespace(stdout=io.BytesIO(), communicate=lambda: None)
-
-    monkeypatch.setattr(warm_up, '_step', lambda scene, ledger, contacts: double(1.0))
-    monkeypatch.setattr(warm_up, '_play_poses', lambda scene: None)
-    monkeypatch.setattr(warm_up, 'start_helper', compile_elsewhere)
+    monkeypatch.setattr(warm_up, 'prepare', lambda scene, ledger: double(1.0))
     for compiles in (True, False):
-        warming = warm_up.WarmUp(None, False, False, beside)
-        assert [future.result(DEADLINE) for future in warming.seconds.values()] == [2.0, 2.0]
+        warming = warm_up.WarmUp(None, False)
+        assert warming.seconds_a_step == 2.0 and warming.failure is None
         assert warming.compiles == compiles
 
 
+EVERYTHING = {
+    'particles': {'position': [[0, 0, 1], [0.3, 0, 0.5], [0, 0, 0]]}, 'restitution': 0.5,
+    'drag': {'linear': 0.1, 'quadratic': 0.0, 'wind': [0, 0, 0]},
+    'friction': {'dry': 0.3, 'wet': 0.0},
+    'colliders': [{'name': 'ground', 'shape': 'plane'},
+                  {'name': 'ball', 'shape': 'sphere', 'radius': 0.2, 'position': [0, 0, 0.2]},
+                  {'name': 'paddle', 'shape': 'box', 'size': [0.2, 1, 1], 'topic': 'paddle/pose',
+                   'position': [-3, 0, 0.5]}]}
+
+
 @pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
-def test_a_new_value_at_a_run_compiles_nothing_in_this_thread(drive):
-    """Nor does somebody who listens to the contacts after it."""
-    driver, compiled = drive(FALLING), []
-    with event.install_listener('numba:compile', warm_up._Notice(lambda: compiled.append(1))):
-        for value in (0.5, 0.0, 0.5):
-            assert set_drag(driver, value).successful
-            driver.run(0.1)
-            driver.node.wait_until_ready()
-            driver.run(0.1)
-            assert driver.simulation.scene.drag.linear == value
-        driver.peer.create_subscription(MarkerArray, NODE + '/contacts', lambda message: None, 5)
+@pytest.mark.parametrize('method', ['collision_then_contact', 'second_order_contact', 'exact'])
+@pytest.mark.parametrize('ledger', [False, True])
+def test_nothing_at_a_run_compiles_anything(drive, compiled, method, ledger):
+    """Neither a new value of any parameter, nor who listens to contacts, nor a pose."""
+    driver = drive({**EVERYTHING, 'stepping': {'method': method}}, ledger=ledger)
+    driver.run(0.1)
+    del compiled[:]
+    changed = 0
+    for path, parameter in driver.simulation.scene.parameters().items():
+        for value in others(parameter):
+            request = SetParameters.Request(
+                parameters=[Parameter(path, value=value).to_parameter_msg()])
+            changed += driver.call(SetParameters, NODE + '/set_parameters',
+                                   request).results[0].successful
+            driver.run(0.02)
+    assert changed > 30 and not compiled
+    for _ in range(2):
+        listening = driver.peer.create_subscription(
+            MarkerArray, NODE + '/contacts', lambda message: None, 5)
         driver.spin_until(lambda: driver.outputs._contacts.get_subscription_count())
         driver.run(0.1)
         assert driver.simulation.record_contacts
+        driver.peer.destroy_subscription(listening)
+        driver.spin_until(lambda: not driver.outputs._contacts.get_subscription_count())
+        driver.run(0.1)
+        assert not driver.simulation.record_contacts
+    driver.run(0.5, {'paddle': lambda stamp: ((-2.9, 0.0, 0.5), UPRIGHT)},
+               jittered_stamps(driver.now, driver.now + 0.4))
+    assert driver.simulation.collider_pose('paddle')[0][0] == pytest.approx(-2.9)
+    assert driver.call(Trigger, NODE + '/reset', Trigger.Request()).success
+    driver.run(0.1)
     assert not compiled
 
 
-@pytest.mark.parametrize('failing', [['contacts', 'none'], ['contacts']], ids=str)
-def test_the_node_ends_where_they_cannot_be_compiled(failing):
-    """All of them, or those that record contacts, when time has begun already."""
-    done = subprocess.run([sys.executable, '-c', FAILS, *failing], capture_output=True, text=True,
+def others(parameter):
+    """Values of a parameter's type that it may have, and its own again at the end."""
+    value, _, low, high, _ = parameter
+    if isinstance(value, tuple):
+        return [0.5, -0.25, -3.0], list(value)
+    if isinstance(value, float):
+        between = [x for x in (0.0, 0.125, 1.0) if (low is None or x >= low)
+                   and (high is None or x <= high)]
+        return [*between, value]
+    return [value + 1, value] if type(value) is int else [value]
+
+
+def test_the_node_ends_where_they_cannot_be_compiled():
+    done = subprocess.run([sys.executable, '-c', FAILS], capture_output=True, text=True,
                           timeout=DEADLINE)
     assert done.returncode == 1 and 'Traceback' not in done.stderr
     assert done.stderr.strip().endswith('collision_sim_node: no machine code today')
 
 
-def test_help_comes_if_it_takes_long(monkeypatch):
-    """A process has played poses before they are played here, and recorded contacts likewise."""
-    monkeypatch.setattr(warm_up, 'LONG', 0.0)
-    steps, order, wait = warm_up._step, [], warm_up._wait_for
-
-    def step(scene, ledger, contacts):
-        while not helpers:
-            time.sleep(0.01)
-        order.append(contacts)
-        return steps(scene, ledger, contacts)
-
-    def start(*what):
-        helpers.append(start_helper(*what))
-        return helpers[-1]
-
-    def wait_for(each):
-        wait(each)
-        order.append('waited')
-
-    helpers, start_helper = [], warm_up.start_helper
-    for name, function in (('_step', step), ('start_helper', start), ('_wait_for', wait_for)):
-        monkeypatch.setattr(warm_up, name, function)
-    seconds = warm_up.WarmUp(Scene.from_dict(PADDLE), False, False).seconds
-    assert all(future.result(DEADLINE) > 0.0 for future in seconds.values())
-    assert order == [False, 'waited', 'waited', True]
-    assert helpers[0].wait(DEADLINE) == 0
+def parents():
+    """Give the processes that others have been started by."""
+    found = set()
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        with suppress(OSError):         # it has ended
+            found.add(int(stat.read_text().rpartition(')')[2].split()[1]))
+    return found
 
 
-def test_a_helper_says_what_it_has_done():
-    helper = warm_up.start_helper(Scene.from_dict(PADDLE), False, True)
-    assert [helper.stdout.readline() for _ in range(3)] == [b'poses\n', b'steps\n', b'']
-    helper.communicate()
-    assert helper.returncode == 0
-
-
-def test_a_helper_ends_with_who_has_started_it(monkeypatch, tmp_path):
-    """Long before it has compiled all."""
+@pytest.mark.skipif(config.DISABLE_JIT, reason='needs the compiler')
+@pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs /proc')
+def test_a_cold_node_starts_no_process(run_node, peer, monkeypatch, tmp_path):
+    """It compiles in a thread of its own, and answers meanwhile."""
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    helper = warm_up.start_helper(Scene.from_dict(PADDLE), False, True)
-    helper.stdin.close()
-    assert helper.stdout.read() == b''
-    assert helper.wait(DEADLINE) == 0
+    process = run_node(PADDLE)
+    for _ in range(10):
+        assert not peer.call(Trigger, NODE + '/step', Trigger.Request()).success
+        assert process.pid not in parents()
+        peer.spin_for(0.3)
+    assert 'compiling the kernels' in stop_node(process)

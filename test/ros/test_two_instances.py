@@ -36,8 +36,7 @@ import rclpy
 from collision_sim import load_scene
 from collision_sim.ros import node, warm_up
 
-for kernels in warm_up.WarmUp(load_scene('demo'), False, False).seconds.values():
-    kernels.result()        # the process ends by itself
+warm_up.WarmUp(load_scene('demo'), False).seconds_a_step
 for k in range(2):
     stopped = []
     threading.Timer(2.0, stopped.append, [signal.SIGINT]).start()
