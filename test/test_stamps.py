@@ -14,6 +14,7 @@
 
 """The key of the cache: what a function is made from, no more and no less."""
 
+import ast
 import os
 from pathlib import Path
 import shutil
@@ -69,6 +70,18 @@ def change(folder, name, old, new):
     source = (folder / name).read_text()
     assert old in source
     (folder / name).write_text(source.replace(old, new, 1))
+
+
+def test_fields_count_in_their_order():
+    """What is compiled finds a field of a NamedTuple by its number, which no bytecode says."""
+    for path in Path(stamps.__file__).parent.glob('*.py'):
+        lines = sum(stamps.FIELD.fullmatch(line) is not None
+                    for line in path.read_bytes().splitlines())
+        classes = [node for node in ast.walk(ast.parse(path.read_text()))
+                   if isinstance(node, ast.ClassDef)
+                   and [getattr(base, 'id', None) for base in node.bases] == ['NamedTuple']]
+        assert lines >= len(classes) + sum(isinstance(line, ast.AnnAssign)
+                                           for node in classes for line in node.body), path
 
 
 @pytest.mark.jit

@@ -103,8 +103,6 @@ def book_path(world, forces, here, courses, work, path, t, x, v):
 
     Parameters
     ----------
-    world : ledger.Ledger
-        Where to book.
     world, forces, here, courses, work
         As in exact.py.
     path : paths.Path

@@ -200,7 +200,7 @@ def law_at_once(table, c1, n1, obj1, c2, n2, obj2, target, v):
 
     Parameters
     ----------
-    rules, table, c1, c2
+    table, c1, c2
         As in `resolve`; the colliders.
     n1, obj1, n2, obj2 : (3,) tuple of float [-], [m/s]
         Normals, which are not parallel, and velocities of the material points.

@@ -357,10 +357,8 @@ def answer_planes(world, margins, here, radius, first, x, y, z, vx, vy, vz, s, c
 
     Parameters
     ----------
-    grid : broad_phase.Grid
-        Without cells in scenes of few colliders.
-    rules, table, poses, motion, log, accounts
-        As in response.resolve.
+    world : world.World
+        Its parts are handed on as values: reached through it, the loops below take 9 % longer.
     margins : (C,) float64
         Zeros: nobody sweeps.
     here : rules.Here

@@ -457,16 +457,11 @@ def resolve(world, here, x0, v0, around=None, reach=0.0):
 
     Parameters
     ----------
-    world, here : Rules, Here
-        What to do, and where.
-    world
-        Tables of shapes.py, motion.py and this module; the last three are written.
+    world, here : World, Here
+        What to do and with what, and where. In the ledger, if it is kept, the flight is booked
+        already.
     x0, v0 : (3,) tuple of float [m], [m/s]
         State at the start of the step.
-    world : ledger.Ledger
-        Where the flight is booked already, and all else is, if it is kept.
-    world : candidates.Candidates
-        Of no particle where springs and pairs change nothing.
     around : nearby.Around or None
         What the colliders of `here` are chosen from; None where they are all.
     reach : float [m]

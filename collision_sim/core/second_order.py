@@ -73,7 +73,7 @@ def _first_half(table, c, u, obj, n, v_n, slip, kick, dv_n):
 
     Parameters
     ----------
-    rules, table, c, u, obj, n
+    table, c, u, obj, n
         As in `impulses.respond`, for the mean velocity.
     v_n, dv_n : float [m/s]
         Normal velocity of u before, and its change.

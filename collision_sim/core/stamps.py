@@ -24,14 +24,18 @@ byte counts.
 from hashlib import sha256
 from opcode import opmap
 from pathlib import Path
+import re
 from types import CodeType, FunctionType, ModuleType
 
 import numpy as np
 
 LOAD_GLOBAL, EXTENDED = opmap['LOAD_GLOBAL'], opmap['EXTENDED_ARG']
 DEFAULTS, CLOSURE = '(defaults)', '(closure)'
-HOW = ('jit.py', 'plan.py', 'reference.py', 'stamps.py')
-_how = None             # digest of these files
+HOW = ('jit.py', 'reference.py', 'stamps.py')
+# A line that names a NamedTuple, or a field of one with its type.
+FIELD = re.compile(rb'class \w+\(NamedTuple\):|    \w+: (int|float|bool|tuple|np\.ndarray|Optional'
+                   rb'\[.*\]|[A-Z]\w*)( = .*)?')
+_how = None             # digest of these
 _nodes = {}             # by id of a function: itself, digest of its own, functions that it uses
 
 
@@ -69,11 +73,13 @@ def uses(function):
 
 
 def _digest_of_how():
-    """Return the digest of the files that say how functions are compiled."""
+    """Return the digest of what says how functions are compiled, and in which order fields lie."""
     global _how
     if _how is None:
-        files = (Path(__file__).with_name(name).read_bytes() for name in HOW)
-        _how = sha256(b''.join(files)).digest()
+        core = Path(__file__).parent
+        fields = (line for path in sorted(core.glob('*.py'))
+                  for line in path.read_bytes().splitlines() if FIELD.fullmatch(line))
+        _how = sha256(b'\n'.join([*((core / name).read_bytes() for name in HOW), *fields])).digest()
     return _how
 
 

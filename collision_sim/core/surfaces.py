@@ -134,7 +134,7 @@ def gap_to(world, here, courses, c, face, side, radius, t, x):
 
     Parameters
     ----------
-    rules, here, table, poses, courses
+    world, here, courses
         As in exact.py.
     c, face : int
         Collider and face.
@@ -325,7 +325,7 @@ def face_of(world, here, courses, s, t, x, v):
 
     Parameters
     ----------
-    rules, here, table, poses, courses
+    world, here, courses
         As in exact.py.
     s : int
         Surface.
