@@ -79,7 +79,8 @@ def _digest_of_how():
         core = Path(__file__).parent
         fields = (line for path in sorted(core.glob('*.py'))
                   for line in path.read_bytes().splitlines() if FIELD.fullmatch(line))
-        _how = sha256(b'\n'.join([*((core / name).read_bytes() for name in HOW), *fields])).digest()
+        files = ((core / name).read_bytes() for name in HOW)
+        _how = sha256(b'\n'.join([*files, *fields])).digest()
     return _how
 
 
