@@ -17,17 +17,19 @@ The documentation: its examples run, its commands exist, its links lead somewher
 
 Python blocks of a page run one after the other in a folder of their own. A YAML block is a scene;
 one that begins with a comment such as `# my.yaml` is written to that file. Of the commands, `run`
-and `sweep` are run for a moment, single cases of `stability` too; of the others it is checked that
-programs, options, parameters, extras and files exist.
+and `sweep` are run for a moment; of the others it is checked that programs, options, parameters,
+extras and files exist.
 """
 
 import argparse
 import ast
 from importlib.util import find_spec
+import os
 from pathlib import Path
 import re
 import runpy
 import shlex
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -47,7 +49,7 @@ LANGUAGES = {'bash', 'python', 'text', 'yaml'}
 MOST_WORDS = 1200       # of README.md
 MOMENT = ['--duration', '0.02']
 # Modules and files that a page may need, and how the message is when they are absent.
-NEEDED = {'import rclpy': 'rclpy', 'from matplotlib': 'matplotlib', '--record': 'rosbags'}
+NEEDED = {'rclpy.init': 'rclpy', 'from matplotlib': 'matplotlib', '--record': 'rosbags'}
 OTHERS = {      # programs of others, and the first words that they may have
     '.ci/run': None, 'cd': None, 'colcon': ['build'], 'pip': ['install'], 'python3': ['-m'],
     'ros2': ['bag', 'launch', 'param', 'run', 'service', 'topic'], 'rosdep': ['install'],
@@ -99,6 +101,8 @@ def folder(tmp_path, monkeypatch):
     """Give a folder to run a page in."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('MPLBACKEND', 'Agg')
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     return tmp_path
 
 
@@ -187,9 +191,9 @@ def test_parameters_of_the_node_are_all_in_the_reference():
     given = read_yaml(PACKAGE / 'config' / 'parameters.yaml')['/**']['ros__parameters']
     for name, value in given.items():
         if '.' not in name and name not in ('gravity', 'restitution'):
-            row, = re.findall(rf'^\|.*`{name}`.*$', text, re.MULTILINE)
+            row, = re.findall(rf'^\| `{name}` \|.*$', text, re.MULTILINE)
             default = {'False': 'false', '': 'all', '0.0': '0'}.get(str(value), str(value))
-            assert default in re.findall(r'[\w.]+', row.split('|', 3)[3]), row
+            assert default in row.split('|')[3], row
 
 
 def test_shipped_scenes_are_all_in_the_reference():
@@ -215,6 +219,7 @@ def test_scenes_load(page, folder):
 
 # ---------------------------------------------------------------- Python
 
+@pytest.mark.slow
 @pytest.mark.parametrize('page', with_language('python'), ids=name_of)
 def test_python_runs(page, folder):
     """All blocks of a page, one after the other; those that begin with a name are files."""
@@ -318,12 +323,11 @@ def runnable(page):
     """Commands of a page that are run, for a moment, without a network or recordings."""
     for words in commands(page):
         if words[0].endswith('/collision_sim'):
-            case = words[1] == 'stability' and '--case' in words
-            if (words[1] in ('run', 'sweep') or case) and not {
-                    '--poses', '--scheduler'} & set(words):
+            if words[1] in ('run', 'sweep') and not {'--poses', '--scheduler'} & set(words):
                 yield words[1:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('page', [page for page in PAGES if [*runnable(page)]], ids=name_of)
 def test_commands_run(page, folder, monkeypatch, capsys):
     """For a moment: 0.02 s of simulated time, and at most two values of each that varies."""
@@ -335,16 +339,25 @@ def test_commands_run(page, folder, monkeypatch, capsys):
             words += MOMENT
             if '--every' in words:
                 words += ['--every', '0.01']
-        elif words[0] == 'sweep':
+        else:
             words = [word for k, word in enumerate(words) if not (
                 {'--repeat', '--steps', '--duration'} & {word, words[k - 1]})]
             words += ['--steps', '2', '--jobs', '1']
-        elif words[0] == 'stability':
-            words += ['--jobs', '1']
         try:
             assert cli.main(words) == 0, words
         except SystemExit as stop:
             raise AssertionError((words, capsys.readouterr().err)) from stop
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('page', [page for page in PAGES if ' -c "' in page.read_text()],
+                         ids=name_of)
+def test_programs_of_one_command_run(page, folder):
+    """Those of `python -c`, as they are."""
+    for words in commands(page):
+        if words[1:2] == ['-c']:
+            need(words[2])
+            subprocess.run([sys.executable, *words[1:]], check=True, timeout=60)
 
 
 def test_the_checks_find_what_is_wrong(setup):
