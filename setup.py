@@ -47,7 +47,7 @@ setup(
     description='Particles that collide with fixed and moving colliders; '
                 'a Python library and a ROS 2 node.',
     maintainer='collision_sim developers',
-    maintainer_email='maintainers@collision-sim.example.com',
+    maintainer_email='nobody@collision-sim.invalid',    # package.xml says why
     license='Apache-2.0',
     python_requires='>=3.11',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
