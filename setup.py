@@ -27,6 +27,13 @@ def shared(folder):
     return f'share/{package_name}/{folder}', sorted(glob(f'{package_name}/{folder}/*.*'))
 
 
+def pages():
+    """The same for the documentation and its folders."""
+    return [shared(folder) for folder in ('docs', *(
+        f'docs/{each}' for each in ('explanation', 'how_to', 'pictures', 'reference',
+                                    'tutorials')))]
+
+
 def executables():
     """Where `ros2 run` looks, for pip; colcon puts the scripts of the entry points there."""
     if not {'bdist_wheel', 'editable_wheel'} & set(sys.argv):
@@ -40,11 +47,12 @@ setup(
     description='Particles that collide with fixed and moving colliders; '
                 'a Python library and a ROS 2 node.',
     maintainer='collision_sim developers',
-    maintainer_email='maintainers@collision-sim.example.com',
+    maintainer_email='nobody@collision-sim.invalid',    # package.xml says why
     license='Apache-2.0',
     python_requires='>=3.11',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['config/*.*', 'launch/*.*', 'scenes/*.*', 'rviz/*.*']},
+    package_data={package_name: ['config/*.*', 'docs/*.*', 'docs/*/*.*', 'launch/*.*',
+                                 'mkdocs.yml', 'rviz/*.*', 'scenes/*.*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -52,6 +60,7 @@ setup(
         shared('launch'),
         shared('scenes'),
         shared('rviz'),
+        *pages(),
         *executables(),
     ],
     zip_safe=False,
@@ -63,6 +72,8 @@ setup(
         'report': ['matplotlib'],
         # Meshes in glTF and 3MF files.
         'meshes': ['lxml', 'networkx', 'trimesh'],
+        # The pages of collision_sim/docs as a web site.
+        'docs': ['mkdocs>=1.6,<2', 'mkdocstrings[python]>=0.26'],
         # `collision_sim run` with --record and --poses.
         'record': ['rosbags>=0.11'],
         # `collision_sim sweep` on a Dask cluster, and its tables in Parquet.

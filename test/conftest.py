@@ -37,17 +37,32 @@ if os.access(ROOT, os.W_OK):
     os.environ.setdefault('NUMBA_CACHE_DIR', str(ROOT / '.pytest_cache' / 'numba'))
 
 
+# Files whose tests are marked `quick`, apart from those that are slow.
+QUICK = {
+    'ros/test_parameter_file.py', 'ros/test_serialized.py', 'studies/test_drafts.py',
+    'studies/test_grid.py', 'studies/test_journal.py', 'test_copyright.py', 'test_docs.py',
+    'test_flake8.py', 'test_flight.py', 'test_layers.py', 'test_laws.py', 'test_lines.py',
+    'test_mesh_dialects.py', 'test_messages.py', 'test_motion.py', 'test_package.py',
+    'test_pep257.py', 'test_pose_stream.py', 'test_rotation.py', 'test_scene.py',
+    'test_shapes.py', 'test_vectors.py'}
+
+
 def pytest_addoption(parser):
     parser.addoption('--long', action='store_true',
                      help='many runs of the tests of signals and of the soak, for hours')
 
 
+@pytest.hookimpl(tryfirst=True)     # before tests are chosen by their markers
 def pytest_collection_modifyitems(items):
     """
-    Leave out, where Numba compiles, what is only worth it where nothing is compiled.
+    Mark what is quick, and leave out, where Numba compiles, what is worth it only without.
 
     What is marked `jit` or `slow`, too, is left out there, so it stays.
     """
+    quick = {ROOT / 'test' / name for name in QUICK}
+    for item in items:
+        if item.path in quick and not item.get_closest_marker('slow'):
+            item.add_marker('quick')
     if os.environ.get('NUMBA_DISABLE_JIT', '0') == '0':
         skip = pytest.mark.skip(reason='each scene has kernels of its own: see .ci/run')
         for item in items:

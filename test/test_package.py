@@ -101,12 +101,16 @@ def test_every_imported_ros_package_is_declared():
     assert {name for text in sources for name in pattern.findall(text)} <= declared
 
 
-@pytest.mark.parametrize('folder', ['config', 'launch', 'scenes', 'rviz'])
+@pytest.mark.parametrize('folder', ['config', 'docs', 'launch', 'scenes', 'rviz'])
 def test_shared_files_are_installed_for_pip_and_for_ros(setup, folder):
+    """Those of folders below it too, each in its place."""
     present = {str(path) for path in (PACKAGE / folder).rglob('*')
                if path.is_file() and '__pycache__' not in path.parts}
-    shared = dict(setup['data_files'])[f'share/collision_sim/{folder}']
+    place = f'share/collision_sim/{folder}'
+    shared = {name: share for share, names in setup['data_files'] for name in names
+              if share == place or share.startswith(f'{place}/')}
     assert {str(ROOT / name) for name in shared} == present
+    assert all(f'share/{Path(name).parent}' == share for name, share in shared.items())
     patterns = setup['package_data']['collision_sim']
     packed = {str(path) for pattern in patterns for path in PACKAGE.glob(pattern)}
     assert present <= packed

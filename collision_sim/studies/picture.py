@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-The picture in the README: paths of a few particles past a ball and a swinging paddle.
+The picture in README.md: paths of a few particles past a ball and a swinging paddle.
 
-Run as `python -m collision_sim.studies.picture resource/demo.png`; needs matplotlib.
+Run as `python -m collision_sim.studies.picture FILE`, which is collision_sim/docs/pictures/demo.png;
+needs matplotlib.
 """
 
 import sys
