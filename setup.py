@@ -28,7 +28,7 @@ def shared(folder):
 
 
 def pages():
-    """The same for the documentation and its folders."""
+    """Where the pages of the documentation go, folder by folder, and those pages."""
     return [shared(folder) for folder in ('docs', *(
         f'docs/{each}' for each in ('explanation', 'how_to', 'pictures', 'reference',
                                     'tutorials')))]

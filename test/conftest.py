@@ -39,9 +39,9 @@ if os.access(ROOT, os.W_OK):
 
 # Files whose tests are marked `quick`, apart from those that are slow.
 QUICK = {
-    'ros/test_parameter_file.py', 'ros/test_serialized.py', 'studies/test_drafts.py',
-    'studies/test_grid.py', 'studies/test_journal.py', 'test_copyright.py', 'test_docs.py',
-    'test_flake8.py', 'test_flight.py', 'test_layers.py', 'test_laws.py', 'test_lines.py',
+    'ros/test_serialized.py', 'studies/test_drafts.py', 'studies/test_grid.py',
+    'studies/test_journal.py', 'test_copyright.py', 'test_docs.py', 'test_flake8.py',
+    'test_flight.py', 'test_layers.py', 'test_laws.py', 'test_lines.py',
     'test_mesh_dialects.py', 'test_messages.py', 'test_motion.py', 'test_package.py',
     'test_pep257.py', 'test_pose_stream.py', 'test_rotation.py', 'test_scene.py',
     'test_shapes.py', 'test_vectors.py'}

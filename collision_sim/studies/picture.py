@@ -15,8 +15,8 @@
 """
 The picture in README.md: paths of a few particles past a ball and a swinging paddle.
 
-Run as `python -m collision_sim.studies.picture FILE`, which is collision_sim/docs/pictures/demo.png;
-needs matplotlib.
+Run as `python -m collision_sim.studies.picture FILE`; needs matplotlib. It is demo.png of
+collision_sim/docs/pictures.
 """
 
 import sys
