@@ -1,0 +1,218 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+When two particles meet on their paths.
+
+Of free flights the relative path r + s w is straight, with s the time, or with linear drag k the
+stretched time (1 - e^(-k h)) / k: they meet at distance d where
+
+    s = (r^2 - d^2) / (-r.w + sqrt(w^2 d^2 - |r x w|^2)),
+
+a form in which nothing cancels. Of other paths the distance bends down no faster than the relative
+acceleration: steps of the time for which it is sure to stay above d end where they meet, and miss
+nothing.
+"""
+
+from math import inf, log1p, sqrt
+
+from collision_sim.core.courses import (frame_acceleration, largest_jerk, material_velocity,
+                                        spin_rate)
+from collision_sim.core.event_cells import cell_number, enter, exit_time, leave
+from collision_sim.core.event_state import (ACCELERATION, AGE, AT, BEND, CLOSED, DECAY, END, ENDS,
+                                            FREE, HOLDS, KIND, LEAVES, MEETS, MODE, NEXT, OTHER,
+                                            OTHER_AGE, RADIUS, SINCE, spot_at, state_of, three, V)
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.meeting import ZERO
+from collision_sim.core.pairs import direction
+from collision_sim.core.paths import safe_time
+from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
+from collision_sim.core.surfaces import FACES
+from collision_sim.core.sustained import RESTS
+from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length, subtract)
+
+TIE = 1e-10             # share of their distance: who is as close touches
+SEARCH = 10_000         # most looks at a pair before the search is given up as undecided
+
+
+@inlined
+def closing_noise(vi, vj):
+    """Speed [m/s] of two particles towards each other that is only rounding."""
+    return ROUNDING * (largest(vi) + largest(vj))
+
+
+@inlined
+def reach(gas, size, xi, xj, vi, vj):
+    """Distance [m] of two particles up to which they touch."""
+    way = 4.0 * EPSILON * gas.clock[END] * (largest(vi) + largest(vj))
+    return size + TIE * size + ROUNDING * (largest(xi) + largest(xj)) + way
+
+
+@inlined
+def _meet_straight(gas, size, xi, vi, xj, vj):
+    """Time [s] until two particles in free flight meet; infinite if they do not."""
+    r, w = subtract(xi, xj), subtract(vi, vj)
+    b = dot(r, w)
+    square = dot(r, r)
+    if b >= 0.0 and not square < EPSILON * size * size:
+        return inf
+    c = square - size * size
+    near = reach(gas, size, xi, xj, vi, vj)
+    if square <= near * near:
+        _, n = direction(r, w)
+        if not dot(n, w) < -closing_noise(vi, vj):
+            return inf
+        if c <= 0.0:
+            return 0.0
+    turn = cross(r, w)
+    room = dot(w, w) * size * size - dot(turn, turn)
+    if not room > 0.0:
+        return inf
+    s = c / (sqrt(room) - b)
+    k = gas.forces.linear
+    if k > 0.0:
+        return -log1p(-k * s) / k if k * s < 1.0 else inf
+    return s
+
+
+@kernel
+def bend_of_path(gas, i, t, v):
+    """Give the acceleration [m/s^2] of a particle, and a bound on how fast it may change it."""
+    if gas.links[i, KIND] == FREE:
+        f = gas.forces
+        a = add_scaled(f.gravity, -f.linear, subtract(v, f.wind))
+        return a, f.linear * length(a) * (gas.clock[END] - t)
+    ways, h = gas.ways, gas.clock[END] - t
+    if int(ways[i, MODE]) == RESTS:
+        here, c = spot_at(gas, i), int(ways[i, HOLDS]) // FACES
+        x, _ = state_of(gas, i, t)
+        a = frame_acceleration(gas.courses, gas.poses, here, c, t, x, ZERO)
+        spin = spin_rate(gas.courses, here, c)
+        return a, (largest_jerk(gas.courses, here, c) + spin * length(a)) * h + (
+            2.0 * spin * length(v) * spin)
+    if ways[i, CLOSED] > 0.0:
+        k = ways[i, DECAY]
+        a = add_scaled(three(ways, i, ACCELERATION), -k, v)
+        return a, k * length(a) * h
+    return ZERO, ways[i, BEND]
+
+
+@kernel
+def _meet_bent(gas, i, j, t, end):
+    """Time [s] at which two particles meet of which not both fly freely; infinite if not."""
+    size = gas.states[i, RADIUS] + gas.states[j, RADIUS]
+    for _ in range(SEARCH):
+        xi, vi = state_of(gas, i, t)
+        xj, vj = state_of(gas, j, t)
+        r, w = subtract(xi, xj), subtract(vi, vj)
+        distance, n = direction(r, w)
+        gap, rate = distance - size, dot(n, w)
+        fine = ROUNDING * (largest(xi) + largest(xj) + size)
+        above = max(gap, 0.0)
+        if gap <= fine:
+            if rate < -closing_noise(vi, vj):
+                return t
+            above, rate = above + fine, max(rate, 0.0)
+        a, change = bend_of_path(gas, i, t, vi)
+        b, other = bend_of_path(gas, j, t, vj)
+        step = safe_time(above, rate, length(subtract(a, b)) + change + other)
+        if not t + step < end:
+            return inf
+        t += max(step, EPSILON * end)
+    gas.accounts[i, N_UNDECIDED] += 1
+    return t
+
+
+@inlined
+def _meet(gas, i, j, t, xi, vi):
+    """Time [s] at which particle i, at xi with vi now, meets j; infinite if it does not."""
+    states, inverse = gas.states, gas.matter.inverse
+    size = states[i, RADIUS] + states[j, RADIUS]
+    if not (size > 0.0 and inverse[i] + inverse[j] > 0.0):
+        return inf
+    if gas.simple or (gas.links[i, KIND] == FREE and gas.links[j, KIND] == FREE):
+        xj, vj = state_of(gas, j, t)
+        return t + _meet_straight(gas, size, xi, vi, xj, vj)
+    end = min(gas.clock[END], min(states[i, ENDS], states[j, ENDS]))
+    return _meet_bent(gas, i, j, t, end)
+
+
+@inlined
+def _look_into(gas, i, t, xi, vi, cell):
+    """Look at whom particle i meets in a cell."""
+    states, links = gas.states, gas.links
+    j = gas.grid.head[cell]
+    while j != NONE:
+        if j != i:
+            time = _meet(gas, i, j, t, xi, vi)
+            if time < states[i, MEETS] and (gas.simple or time <= min(states[i, ENDS],
+                                                                      states[j, ENDS])):
+                states[i, MEETS] = time
+                links[i, OTHER], links[i, OTHER_AGE] = j, links[j, AGE]
+        j = links[j, NEXT]
+
+
+@inlined
+def predict(gas, i, t):
+    """Find whom particle i meets first from now on, and when it leaves its cell."""
+    links = gas.links
+    xi, vi = state_of(gas, i, t)
+    gas.states[i, MEETS] = inf
+    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
+    for p in range(a - 1, a + 2):
+        for q in range(b - 1, b + 2):
+            for s in range(c - 1, c + 2):
+                _look_into(gas, i, t, xi, vi, cell_number(gas, p, q, s))
+    _find_exit(gas, i, t, xi, vi)
+
+
+@inlined
+def _find_exit(gas, i, t, xi, vi):
+    """Find when particle i leaves its cell."""
+    bend = 0.0
+    if not gas.simple and gas.links[i, KIND] != FREE:
+        a, change = bend_of_path(gas, i, t, vi)
+        bend = length(a) + change
+    gas.states[i, LEAVES] = exit_time(gas, i, t, xi, vi, bend)
+
+
+@kernel
+def predict_all(gas):
+    """
+    Find whom each particle meets first, of those that come before it, and when it leaves its cell.
+
+    One of two knows when they meet: that is enough.
+    """
+    for i in range(gas.states.shape[0]):
+        xi, _ = state_of(gas, i, 0.0)
+        enter(gas, i, xi)
+        predict(gas, i, 0.0)
+
+
+@inlined
+def change_cell(gas, i, t):
+    """Let particle i change to the cell where it is, and look at those that are near it now."""
+    links = gas.links
+    xi, vi = state_of(gas, i, t)
+    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
+    leave(gas, i)
+    enter(gas, i, xi)
+    x, y, z = links[i, AT], links[i, AT + 1], links[i, AT + 2]
+    if x != a or y != b or z != c:
+        for p in range(x - 1, x + 2):
+            for q in range(y - 1, y + 2):
+                for s in range(z - 1, z + 2):
+                    if abs(p - a) > 1 or abs(q - b) > 1 or abs(s - c) > 1:
+                        _look_into(gas, i, t, xi, vi, cell_number(gas, p, q, s))
+    _find_exit(gas, i, t, xi, vi)

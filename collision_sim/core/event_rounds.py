@@ -1,0 +1,462 @@
+# Copyright 2026 collision_sim developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What happens at once between particles is answered at once, round by round.
+
+A round begins with the first event of the queue, and takes in all that come within TIE of it. All
+contacts at which those that take part approach each other, or a collider, are answered together:
+by joint.collide_group where they hang together, so that the order of the particles means nothing
+and what is symmetric stays so; one alone by Newton's law with the lecture's friction. What then
+approaches makes up the next round, at the same time: in a row at rest the push goes from one to the
+next, and the last one leaves.
+
+A particle that collides CHATTER times with no time in between has collapsed (of particles that
+lose energy there are infinitely many collisions in a finite time): all that touch then and hang
+together go on without approaching, which is what these collisions come to. It is counted.
+"""
+
+from math import inf
+
+from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UNPUSHED, IMPULSE,
+                                               INVERSE, LAW_ROW, MASS, NORMAL, put_at)
+from collision_sim.core.courses import material_velocity
+from collision_sim.core.event_cells import cell_number
+from collision_sim.core.event_meetings import change_cell, closing_noise, predict, reach, TIE
+from collision_sim.core.event_queue import reseat, seat_at
+from collision_sim.core.event_state import (AGE, AT, END, ENDS, FREE, HITS, KIND, LATEST, LEAVES,
+                                            MEETS, NEXT, OTHER, OTHER_AGE, put_three, RADIUS,
+                                            RAPID, ROUND, ROUNDS, ROW, SINCE, spot_at, state_of,
+                                            STRUCK, three, V, X)
+from collision_sim.core.event_walls import (answer_walls, begin_bound_path, end_bound_path,
+                                            gather_walls)
+from collision_sim.core.exact import record
+from collision_sim.core.exact_ledger import book_path
+from collision_sim.core.groups import group_contacts
+from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.joint import _end_approaches, collide_group, MOST, OPEN
+from collision_sim.core.laws import normal_impulse
+from collision_sim.core.ledger import book, book_impulse, INTERNAL, is_kept, kinetic
+from collision_sim.core.meeting import facing, NOBODY, SPEED, surface_of, ZERO
+from collision_sim.core.pair_collisions import friction_factor
+from collision_sim.core.pairs import direction, FIRST, SECOND
+from collision_sim.core.paths import Path
+from collision_sim.core.rules import (COLLISION, N_COLLAPSED, N_COLLISION, N_PAIR_COLLISION,
+                                      N_UNDECIDED, N_UNSETTLED, NONE)
+from collision_sim.core.surfaces import FACES
+from collision_sim.core.sustained import FLIES
+from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+
+CHATTER = 200           # collisions of a particle without time in between, after which it collapses
+MANY = 200_000          # collisions of a particle in a step, after which it does, too
+CLOSE = 10.0            # times TIE: who hangs together in a collapse
+
+
+@inlined
+def take_in(gas, i):
+    """Let a particle take part in the round."""
+    if gas.links[i, ROUND] != gas.numbers[ROUNDS]:
+        row = gas.numbers[STRUCK]
+        gas.links[i, ROUND], gas.links[i, ROW] = gas.numbers[ROUNDS], row
+        gas.struck[row] = i
+        gas.numbers[STRUCK] = row + 1
+
+
+@inlined
+def is_void(gas, i):
+    """Whether who particle i was to meet has changed its path since."""
+    return gas.links[gas.links[i, OTHER], AGE] != gas.links[i, OTHER_AGE]
+
+
+@inlined
+def take_event(gas, i):
+    """Let those whom the first event of particle i is about take part in the round."""
+    states = gas.states
+    if states[i, MEETS] <= states[i, ENDS]:
+        take_in(gas, gas.links[i, OTHER])
+    take_in(gas, i)
+    seat_at(gas, i, inf)
+
+
+@kernel
+def _delay(gas, i, t):
+    """How far [m] those of the first event of particle i move until it, relative to each other."""
+    states = gas.states
+    _, v = state_of(gas, i, t)
+    when, size = states[i, ENDS], states[i, RADIUS]
+    if states[i, MEETS] <= states[i, ENDS]:
+        j = gas.links[i, OTHER]
+        _, other = state_of(gas, j, t)
+        v, when, size = subtract(v, other), states[i, MEETS], size + states[j, RADIUS]
+    return length(v) * (when - t), size
+
+
+@kernel
+def take_ties(gas, t):
+    """Let all take part that come at the same time, up to what is only rounding."""
+    states, keys, seats = gas.states, gas.heap.keys, gas.heap.seats
+    soon = t + 1e-3 * TIE * gas.clock[END]
+    while keys[0] < inf:
+        i, when = seats[0], keys[0]
+        if states[i, LEAVES] <= when:
+            if when > soon:
+                return
+            change_cell(gas, i, when)
+            reseat(gas, i)
+        elif states[i, MEETS] <= states[i, ENDS] and is_void(gas, i):
+            if when > soon:
+                return
+            predict(gas, i, t)
+            reseat(gas, i)
+        else:
+            way, size = _delay(gas, i, t)
+            if when > soon and not way <= TIE * size:
+                return
+            take_event(gas, i)
+
+
+@inlined
+def bring_up(gas, i, t):
+    """Let the path of a particle end at a time."""
+    if gas.simple and not is_kept(gas.ledger):
+        x, v = state_of(gas, i, t)
+        put_three(gas.states, i, X, x)
+        put_three(gas.states, i, V, v)
+        gas.states[i, SINCE] = t
+    else:
+        _bring_up_booked(gas, i, t)
+
+
+@kernel
+def _bring_up_booked(gas, i, t):
+    if not gas.simple:
+        end_bound_path(gas, i, t)
+        return
+    x, v = state_of(gas, i, t)
+    states, f = gas.states, gas.forces
+    path = Path(FLIES, NOBODY, states[i, SINCE], three(states, i, X), three(states, i, V), True,
+                f.gravity, f.linear, 0.0, False)
+    book_path(gas.ledger, gas.rules, f, spot_at(gas, i), gas.table, gas.poses, gas.courses,
+              gas.work, path, t, x, v)
+    put_three(states, i, X, x)
+    put_three(states, i, V, v)
+    states[i, SINCE] = t
+
+
+@inlined
+def write_body(gas, row, i):
+    """Write the body that stands for a particle in what happens at once."""
+    bodies = gas.pile.bodies
+    bodies[row, INVERSE] = gas.matter.inverse[i]
+    put_at(bodies, row, UNPUSHED, three(gas.states, i, V))
+    put_at(bodies, row, ENDING, three(gas.states, i, V))
+
+
+@kernel
+def write_contact(gas, c, a, b, law, source, n, bound):
+    """Write contact c of bodies a and b; `source` is its collider, if it has one."""
+    pile = gas.pile
+    pile.ends[c, FIRST], pile.ends[c, SECOND], pile.ends[c, LAW_ROW] = a, b, law
+    pile.source[c] = source
+    put_at(pile.contacts, c, NORMAL, n)
+    total = pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE]
+    pile.contacts[c, MASS] = 1.0 / total if total > 0.0 else 1.0
+    pile.contacts[c, END_BOUND] = bound
+
+
+@inlined
+def _looks_back(gas, i, row):
+    """Whether what particle i has to do with that of a row is known already."""
+    return gas.links[i, ROUND] == gas.numbers[ROUNDS] and gas.links[i, ROW] <= row
+
+
+@kernel
+def _list_touch(gas, row, i, j, t, count, lasting):
+    """List the contact of particle i with j, if they touch; how many contacts there are then."""
+    states, inverse = gas.states, gas.matter.inverse
+    size = states[i, RADIUS] + states[j, RADIUS]
+    x, v = three(states, i, X), three(states, i, V)
+    y, w = state_of(gas, j, t)
+    r, u = subtract(x, y), subtract(v, w)
+    near = reach(gas, size, x, y, v, w) + (CLOSE * TIE * size if lasting else 0.0)
+    if dot(r, r) > near * near or not (size > 0.0 and inverse[i] + inverse[j] > 0.0):
+        return count
+    _, n = direction(r, u)
+    if not (lasting or dot(n, u) < -closing_noise(v, w)):
+        return count
+    if count >= gas.pile.ends.shape[0]:
+        gas.accounts[i, N_UNDECIDED] += 1
+        return count
+    take_in(gas, j)
+    pile, law = gas.pile, gas.laws.shape[0] - 1
+    pile.ends[count, FIRST], pile.ends[count, SECOND] = row, gas.links[j, ROW]
+    pile.ends[count, LAW_ROW], pile.source[count] = law, NONE
+    put_at(pile.contacts, count, NORMAL, n)
+    return count + 1
+
+
+@inlined
+def list_touches(gas, row, t, count, lasting):
+    """List the contacts of a particle of the round with others; how many there are then."""
+    links, i = gas.links, gas.struck[row]
+    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
+    for p in range(a - 1, a + 2):
+        for q in range(b - 1, b + 2):
+            for s in range(c - 1, c + 2):
+                j = gas.grid.head[cell_number(gas, p, q, s)]
+                while j != NONE:
+                    if not _looks_back(gas, j, row):
+                        count = _list_touch(gas, row, i, j, t, count, lasting)
+                    j = links[j, NEXT]
+    return count
+
+
+@kernel
+def list_walls(gas, row, t, first, count):
+    """
+    List the contacts of a particle with colliders that it approaches; how many there are then.
+
+    Bodies for them follow from `first` on, one for each contact.
+    """
+    i = gas.struck[row]
+    met = gather_walls(gas, i, t)
+    for k in range(met):
+        if gas.met[k, SPEED] < 0.0 and count < gas.pile.ends.shape[0] and (
+                first + k < gas.pile.bodies.shape[0]):
+            c, body = surface_of(gas.met, k) // FACES, first + k
+            obj = material_velocity(gas.courses, gas.poses, spot_at(gas, i), c, t,
+                                    three(gas.states, i, X))
+            gas.pile.bodies[body, INVERSE] = 0.0
+            put_at(gas.pile.bodies, body, UNPUSHED, obj)
+            put_at(gas.pile.bodies, body, ENDING, obj)
+            write_contact(gas, count, row, body, c, c, facing(gas.met, k), 0.0)
+            count += 1
+    return count, first + met
+
+
+@inlined
+def change_velocity(gas, i, after, work):
+    """Give a particle another velocity; `work` [J/kg] is what colliders have done to it."""
+    before = three(gas.states, i, V)
+    put_three(gas.states, i, V, after)
+    book(gas.ledger, spot_at(gas, i), INTERNAL, kinetic(before, after) - work)
+
+
+@inlined
+def _collide_two(gas, i, j, n, inelastic):
+    """Let two particles collide by themselves."""
+    states, inverse = gas.states, gas.matter.inverse
+    vi, vj = three(states, i, V), three(states, j, V)
+    u, law = subtract(vi, vj), gas.laws.shape[0] - 1
+    v_n = dot(u, n)
+    dv_n = -v_n if inelastic else normal_impulse(v_n, gas.eps)
+    slip = add_scaled(u, -v_n, n)
+    factor = friction_factor(gas.pairs_dry, gas.pairs_wet, gas.laws, law, slip, dv_n)
+    dv = add_scaled(scaled(dv_n, n), factor - 1.0, slip)
+    total = inverse[i] + inverse[j]
+    change_velocity(gas, i, add_scaled(vi, inverse[i] / total, dv), 0.0)
+    change_velocity(gas, j, add_scaled(vj, -inverse[j] / total, dv), 0.0)
+    gas.accounts[i, N_PAIR_COLLISION] += 1
+
+
+@inlined
+def _note_pace(gas, i, t, speed, size):
+    """Count how often a particle has collided without time in between; whether that is enough."""
+    states, links = gas.states, gas.links
+    rapid = t == states[i, LATEST] or speed * (t - states[i, LATEST]) <= TIE * size
+    links[i, RAPID] = links[i, RAPID] + 1 if rapid else 0
+    links[i, HITS] += 1
+    states[i, LATEST] = t
+    return links[i, RAPID] > CHATTER or links[i, HITS] > MANY
+
+
+@kernel
+def _has_collapsed(gas, count, t):
+    """Note the collisions of a round with its particles; whether one of these has collapsed."""
+    collapsed = False
+    for c in range(count):
+        i, j = gas.struck[gas.pile.ends[c, FIRST]], gas.struck[gas.pile.ends[c, SECOND]]
+        speed = length(subtract(three(gas.states, i, V), three(gas.states, j, V)))
+        size = gas.states[i, RADIUS] + gas.states[j, RADIUS]
+        one, other = _note_pace(gas, i, t, speed, size), _note_pace(gas, j, t, speed, size)
+        collapsed = collapsed or one or other
+    return collapsed and gas.eps < 1.0
+
+
+@kernel
+def _answer_group(gas, first, count, inelastic):
+    """Answer contacts that hang together: at once where they are few, else one by one."""
+    if count <= MOST:
+        if inelastic:
+            friction = _end_approaches(gas.dry, gas.wet, gas.laws, gas.pile, first, count, gas.room)
+        else:
+            friction = collide_group(gas.dry, gas.wet, gas.laws, gas.pile, first, count, gas.room)
+        gas.accounts[0, N_UNSETTLED] += friction == OPEN
+        return
+    gas.accounts[0, N_UNSETTLED] += 1
+    _answer_singly(gas, first, count, inelastic)
+
+
+@kernel
+def _answer_singly(gas, first, count, inelastic):
+    """Answer contacts one after the other, each for what the ones before it have left."""
+    pile = gas.pile
+    bodies = pile.bodies
+    for k in range(count):
+        c = pile.member[first + k]
+        put_at(pile.contacts, c, IMPULSE, ZERO)
+        a, b, n = pile.ends[c, FIRST], pile.ends[c, SECOND], at(pile.contacts, c, NORMAL)
+        u = subtract(at(bodies, a, ENDING), at(bodies, b, ENDING))
+        v_n, law = dot(u, n), pile.ends[c, LAW_ROW]
+        if v_n < 0.0:
+            eps = 0.0 if inelastic else gas.eps
+            dv_n = -v_n * (1.0 + eps)
+            slip = add_scaled(u, -v_n, n)
+            factor = friction_factor(gas.dry, gas.wet, gas.laws, law, slip, dv_n)
+            dv = add_scaled(scaled(dv_n, n), factor - 1.0, slip)
+            total = bodies[a, INVERSE] + bodies[b, INVERSE]
+            put_at(pile.contacts, c, IMPULSE, scaled(1.0 / total, dv))
+            put_at(bodies, a, ENDING, add_scaled(at(bodies, a, ENDING),
+                                                 bodies[a, INVERSE] / total, dv))
+            put_at(bodies, b, ENDING, add_scaled(at(bodies, b, ENDING),
+                                                 -bodies[b, INVERSE] / total, dv))
+
+
+@kernel
+def take_over(gas, count, pairs, t):
+    """Give the particles of a round what has been made of their velocities."""
+    pile = gas.pile
+    for row in range(gas.numbers[STRUCK]):
+        pile.work[row] = 0.0
+    for c in range(count):
+        impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
+        i = gas.struck[pile.ends[c, FIRST]]
+        if not dot(impulse, n) > 0.0:
+            continue
+        if c < pairs:
+            gas.accounts[i, N_PAIR_COLLISION] += 1
+            continue
+        wall, here = pile.source[c], spot_at(gas, i)
+        dv = scaled(gas.matter.inverse[i], impulse)
+        obj = at(pile.bodies, pile.ends[c, SECOND], UNPUSHED)
+        record(gas.log, gas.accounts, here, wall, COLLISION, three(gas.states, i, X), n, dv)
+        book_impulse(gas.ledger, here, wall, dot(dv, obj), dv)
+        pile.work[pile.ends[c, FIRST]] += dot(dv, obj)
+        gas.accounts[i, N_COLLISION] += 1
+    for row in range(gas.numbers[STRUCK]):
+        i = gas.struck[row]
+        if gas.matter.inverse[i] > 0.0:
+            change_velocity(gas, i, at(pile.bodies, row, ENDING), pile.work[row])
+
+
+@kernel
+def _answer_together(gas, pairs, collapsed, t):
+    """Answer what happens in a round, where it is more than one contact of two particles."""
+    pile, struck, count = gas.pile, gas.numbers[STRUCK], pairs
+    bodies = struck
+    for row in range(struck):
+        write_body(gas, row, gas.struck[row])
+        pile.used[row] = 0
+    for c in range(pairs):
+        a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
+        pile.used[a] = pile.used[b] = 1
+        write_contact(gas, c, a, b, pile.ends[c, LAW_ROW], NONE, at(pile.contacts, c, NORMAL), 0.0)
+    if not gas.simple:
+        for row in range(struck):
+            if pile.used[row] == 0:
+                pile.used[row] = 0
+            elif gas.matter.inverse[gas.struck[row]] > 0.0:
+                count, bodies = list_walls(gas, row, t, bodies, count)
+    alone = 0
+    for row in range(struck):
+        alone += pile.used[row] == 0
+    if count > 0:
+        for row in range(struck):
+            pile.order[row] = pile.used[row]
+        groups = group_contacts(pile, bodies, count)
+        for g in range(groups):
+            _answer_group(gas, 0 + pile.group[g], pile.group[g + 1] - pile.group[g], collapsed)
+        take_over(gas, count, pairs, t)
+        for row in range(struck):
+            pile.used[row] = pile.order[row]
+    if alone > 0 and not gas.simple:
+        for row in range(struck):
+            if pile.used[row] == 0:
+                answer_walls(gas, gas.struck[row], t)
+    gas.accounts[0, N_COLLAPSED] += collapsed
+
+
+@kernel
+def list_all(gas, t, lasting):
+    """List the contacts of all that take part, and who takes part by them; how many there are."""
+    count, row = 0, 0
+    while row < gas.numbers[STRUCK]:
+        bring_up(gas, gas.struck[row], t)
+        row += 1
+    row = 0
+    while row < gas.numbers[STRUCK]:
+        before = gas.numbers[STRUCK]
+        count = list_touches(gas, row, t, count, lasting)
+        for k in range(before, gas.numbers[STRUCK]):
+            bring_up(gas, gas.struck[k], t)
+        row += 1
+    return count
+
+
+@inlined
+def go_on(gas, t):
+    """Let all that have taken part go on, and find what comes next for each."""
+    for row in range(gas.numbers[STRUCK]):
+        i = gas.struck[row]
+        gas.links[i, AGE] += 1
+        if not gas.simple:
+            begin_bound_path(gas, i, t)
+    for row in range(gas.numbers[STRUCK]):
+        i = gas.struck[row]
+        predict(gas, i, t)
+        reseat(gas, i)
+
+
+@inlined
+def play_round(gas, i, t):
+    """
+    Answer the first event of the queue, with all that happens at once.
+
+    Parameters
+    ----------
+    gas : event_state.Gas
+    i : int
+        Whose event it is.
+    t : float [s]
+        When it is.
+
+    """
+    gas.numbers[ROUNDS] += 1
+    gas.numbers[STRUCK] = 0
+    take_event(gas, i)
+    take_ties(gas, t)
+    count = list_all(gas, t, False)
+    collapsed = count > 0 and _has_collapsed(gas, count, t)
+    if collapsed:
+        gas.numbers[ROUNDS] += 1
+        struck, gas.numbers[STRUCK] = gas.numbers[STRUCK], 0
+        for row in range(struck):
+            take_in(gas, gas.struck[row])
+        count = list_all(gas, t, True)
+    if count == 1 and gas.numbers[STRUCK] == 2 and gas.simple:
+        a, b = gas.struck[gas.pile.ends[0, FIRST]], gas.struck[gas.pile.ends[0, SECOND]]
+        _collide_two(gas, a, b, at(gas.pile.contacts, 0, NORMAL), False)
+    elif count > 0 or not gas.simple:
+        _answer_together(gas, count, collapsed, t)
+    go_on(gas, t)
