@@ -53,7 +53,7 @@ class EventPairs:
         count = len(scene.particles.position)
         self._matter = Matter(_each(scene.particles.radius, count),
                               1.0 / _each(scene.particles.mass, count))
-        self._scratch = None
+        self._scratch = self._simple = None
 
     def __getstate__(self):
         """Give what a copy goes on from; nothing is kept from one step to the next."""
@@ -65,7 +65,9 @@ class EventPairs:
         friction = scene.pairs.friction_in(scene)
         self._laws = np.vstack([collider_table(scene), pair_row(scene)])
         self._frictions = (friction.static is not None, friction.wet is not None)
-        self._simple = not scene.colliders and forces.quadratic == 0.0
+        simple = not scene.colliders and forces.quadratic == 0.0
+        if simple != self._simple:
+            self._simple, self._scratch = simple, None
 
     def step(self, dt, steps, parts, courses):
         """
@@ -109,8 +111,9 @@ class EventPairs:
         states, links, ways, heap, struck, pile, room, everyone, work, met = self._scratch
         count = len(states)
         origin, size, counts = lay_out_grid(
-            parts.x, 2.0 * float(self._matter.radius.max()), 2 * count)
-        grid = Grid(np.empty(int(counts.prod()), dtype=np.int64), counts, origin, size)
+            parts.x, 2.0 * float(self._matter.radius.max()), 8 * count)
+        grid = Grid(np.empty(int(counts.prod()), dtype=np.int64), np.empty(count, dtype=np.int64),
+                    counts, origin, size)
         dry, wet = self._frictions
         return Gas(
             parts.rules, self._forces, parts.table, parts.poses, parts.motion, courses, parts.log,

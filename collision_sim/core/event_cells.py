@@ -24,14 +24,14 @@ turn apart is looked at, and not met.
 
 from math import floor
 
-from collision_sim.core.event_state import (AT, BEFORE, BOUND, CELL, DECAY, END, FREE, KIND, LEAVES,
-                                            NEXT, SINCE, state_of, three, X)
+from collision_sim.core.event_state import AT, BEFORE, CELL, FREE, KIND
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.paths import safe_time
 from collision_sim.core.rules import NONE
 import numpy as np
 
 SLACK = 0.03            # share of a side that a particle may be outside its cell
+CROWD = 0.7             # share of the mean distance that the side of a cell is at least
 LOOSE = 1e-6            # share of a diameter that cells are larger than need be
 FEWEST = 4              # cells of a turn along an axis: the 27 differ then
 FURTHEST = 2.0 ** 40    # cells from the origin: beyond, places are rounded to more than a cell
@@ -63,7 +63,7 @@ def lay_out_grid(x, largest, most):
     least = max(largest / (1.0 - 2.0 * SLACK) * (1.0 + LOOSE), np.finfo(float).tiny)
     extent = np.maximum(high - low, least)
     spacing = float(np.exp(np.mean(np.log(extent))) / x.shape[1] ** (1.0 / 3.0))
-    size = max(least, spacing, float(np.abs(x).max()) / FURTHEST)
+    size = max(least, CROWD * spacing, float(np.abs(x).max()) / FURTHEST)
     wanted = np.clip(np.ceil(np.log2(extent / size + 1.0)), 2, 40).astype(int)
     while wanted.sum() > max(6, int(np.log2(most))) and wanted.max() > 2:
         wanted[np.argmax(wanted)] -= 1
@@ -92,7 +92,7 @@ def enter(gas, i, x):
     links[i, AT], links[i, AT + 1], links[i, AT + 2] = a, b, c
     cell = cell_number(gas, a, b, c)
     first = head[cell]
-    links[i, CELL], links[i, NEXT], links[i, BEFORE] = cell, first, NONE
+    links[i, CELL], links[i, BEFORE], gas.grid.after[i] = cell, NONE, first
     if first != NONE:
         links[first, BEFORE] = i
     head[cell] = i
@@ -102,11 +102,11 @@ def enter(gas, i, x):
 def leave(gas, i):
     """Take a particle out of its cell."""
     links = gas.links
-    after, before = links[i, NEXT], links[i, BEFORE]
+    after, before = gas.grid.after[i], links[i, BEFORE]
     if before == NONE:
         gas.grid.head[links[i, CELL]] = after
     else:
-        links[before, NEXT] = after
+        gas.grid.after[before] = after
     if after != NONE:
         links[after, BEFORE] = before
 

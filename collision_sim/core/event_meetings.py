@@ -31,7 +31,7 @@ from collision_sim.core.courses import (frame_acceleration, largest_jerk, materi
                                         spin_rate)
 from collision_sim.core.event_cells import cell_number, enter, exit_time, leave
 from collision_sim.core.event_state import (ACCELERATION, AGE, AT, BEND, CLOSED, DECAY, END, ENDS,
-                                            FREE, HOLDS, KIND, LEAVES, MEETS, MODE, NEXT, OTHER,
+                                            FREE, HOLDS, KIND, LEAVES, MEETS, MODE, NEXT_BEST, OTHER,
                                             OTHER_AGE, RADIUS, SINCE, spot_at, state_of, three, V)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.meeting import ZERO
@@ -43,6 +43,7 @@ from collision_sim.core.sustained import RESTS
 from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length, subtract)
 
 TIE = 1e-10             # share of their distance: who is as close touches
+NEARLY = 1e-6           # share of the square of a distance: farther apart, nobody touches
 SEARCH = 10_000         # most looks at a pair before the search is given up as undecided
 
 
@@ -60,26 +61,30 @@ def reach(gas, size, xi, xj, vi, vj):
 
 
 @inlined
-def _meet_straight(gas, size, xi, vi, xj, vj):
+def _meet_straight(gas, size, blur, xi, vi, xj, vj):
     """Time [s] until two particles in free flight meet; infinite if they do not."""
     r, w = subtract(xi, xj), subtract(vi, vj)
-    b = dot(r, w)
-    square = dot(r, r)
-    if b >= 0.0 and not square < EPSILON * size * size:
-        return inf
+    b, square = dot(r, w), dot(r, r)
     c = square - size * size
-    near = reach(gas, size, xi, xj, vi, vj)
-    if square <= near * near:
-        _, n = direction(r, w)
-        if not dot(n, w) < -closing_noise(vi, vj):
-            return inf
-        if c <= 0.0:
-            return 0.0
+    if b >= 0.0 and square > 0.0:
+        return inf
+    if c <= size * (NEARLY * size + blur):
+        near = reach(gas, size, xi, xj, vi, vj)
+        if square <= near * near:
+            _, n = direction(r, w)
+            if not dot(n, w) < -closing_noise(vi, vj):
+                return inf
+            if c <= 0.0:
+                return 0.0
+    ww = dot(w, w)
+    room = b * b - ww * c
+    if not room > -1e-9 * b * b:
+        return inf
     turn = cross(r, w)
-    room = dot(w, w) * size * size - dot(turn, turn)
+    room = ww * size * size - dot(turn, turn)
     if not room > 0.0:
         return inf
-    s = c / (sqrt(room) - b)
+    s = max(c, 0.0) / (sqrt(room) - b)
     k = gas.forces.linear
     if k > 0.0:
         return -log1p(-k * s) / k if k * s < 1.0 else inf
@@ -135,45 +140,60 @@ def _meet_bent(gas, i, j, t, end):
 
 
 @inlined
-def _meet(gas, i, j, t, xi, vi):
+def _meet(gas, i, j, t, blur, xi, vi):
     """Time [s] at which particle i, at xi with vi now, meets j; infinite if it does not."""
-    states, inverse = gas.states, gas.matter.inverse
+    states = gas.states
     size = states[i, RADIUS] + states[j, RADIUS]
-    if not (size > 0.0 and inverse[i] + inverse[j] > 0.0):
-        return inf
     if gas.simple or (gas.links[i, KIND] == FREE and gas.links[j, KIND] == FREE):
         xj, vj = state_of(gas, j, t)
-        return t + _meet_straight(gas, size, xi, vi, xj, vj)
+        return t + _meet_straight(gas, size, blur, xi, vi, xj, vj)
     end = min(gas.clock[END], min(states[i, ENDS], states[j, ENDS]))
     return _meet_bent(gas, i, j, t, end)
 
 
 @inlined
-def _look_into(gas, i, t, xi, vi, cell):
+def can_meet(gas, i, j):
+    """Whether two particles do anything to each other: not points, nor two infinite masses."""
+    states, inverse = gas.states, gas.matter.inverse
+    return inverse[i] + inverse[j] > 0.0 and states[i, RADIUS] + states[j, RADIUS] > 0.0
+
+
+@inlined
+def _look_into(gas, i, t, blur, xi, vi, cell):
     """Look at whom particle i meets in a cell."""
     states, links = gas.states, gas.links
     j = gas.grid.head[cell]
     while j != NONE:
         if j != i:
-            time = _meet(gas, i, j, t, xi, vi)
-            if time < states[i, MEETS] and (gas.simple or time <= min(states[i, ENDS],
-                                                                      states[j, ENDS])):
-                states[i, MEETS] = time
-                links[i, OTHER], links[i, OTHER_AGE] = j, links[j, AGE]
-        j = links[j, NEXT]
+            time = _meet(gas, i, j, t, blur, xi, vi)
+            if time < states[i, NEXT_BEST] and can_meet(gas, i, j) and (
+                    gas.simple or time <= min(states[i, ENDS], states[j, ENDS])):
+                if time < states[i, MEETS]:
+                    states[i, NEXT_BEST], states[i, MEETS] = states[i, MEETS], time
+                    links[i, OTHER], links[i, OTHER_AGE] = j, links[j, AGE]
+                else:
+                    states[i, NEXT_BEST] = time
+        j = gas.grid.after[j]
 
 
 @inlined
+def _blur_of(gas, xi, vi):
+    """Distance [m] that is only rounding of the place of a particle and of those near it."""
+    return 4.0 * ROUNDING * (largest(xi) + 4.0 * gas.grid.size + gas.clock[END] * largest(vi))
+
+
+@kernel
 def predict(gas, i, t):
     """Find whom particle i meets first from now on, and when it leaves its cell."""
     links = gas.links
     xi, vi = state_of(gas, i, t)
-    gas.states[i, MEETS] = inf
+    blur = _blur_of(gas, xi, vi)
+    gas.states[i, MEETS] = gas.states[i, NEXT_BEST] = inf
     a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
     for p in range(a - 1, a + 2):
         for q in range(b - 1, b + 2):
             for s in range(c - 1, c + 2):
-                _look_into(gas, i, t, xi, vi, cell_number(gas, p, q, s))
+                _look_into(gas, i, t, blur, xi, vi, cell_number(gas, p, q, s))
     _find_exit(gas, i, t, xi, vi)
 
 
@@ -200,7 +220,7 @@ def predict_all(gas):
         predict(gas, i, 0.0)
 
 
-@inlined
+@kernel
 def change_cell(gas, i, t):
     """Let particle i change to the cell where it is, and look at those that are near it now."""
     links = gas.links
@@ -214,5 +234,6 @@ def change_cell(gas, i, t):
             for q in range(y - 1, y + 2):
                 for s in range(z - 1, z + 2):
                     if abs(p - a) > 1 or abs(q - b) > 1 or abs(s - c) > 1:
-                        _look_into(gas, i, t, xi, vi, cell_number(gas, p, q, s))
+                        _look_into(gas, i, t, _blur_of(gas, xi, vi), xi, vi,
+                                   cell_number(gas, p, q, s))
     _find_exit(gas, i, t, xi, vi)

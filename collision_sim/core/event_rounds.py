@@ -33,10 +33,10 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UN
                                                INVERSE, LAW_ROW, MASS, NORMAL, put_at)
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.event_cells import cell_number
-from collision_sim.core.event_meetings import change_cell, closing_noise, predict, reach, TIE
+from collision_sim.core.event_meetings import can_meet, change_cell, closing_noise, predict, reach, TIE
 from collision_sim.core.event_queue import reseat, seat_at
 from collision_sim.core.event_state import (AGE, AT, END, ENDS, FREE, HITS, KIND, LATEST, LEAVES,
-                                            MEETS, NEXT, OTHER, OTHER_AGE, put_three, RADIUS,
+                                            MEETS, NEXT_BEST, OTHER, OTHER_AGE, put_three, RADIUS,
                                             RAPID, ROUND, ROUNDS, ROW, SINCE, spot_at, state_of,
                                             STRUCK, three, V, X)
 from collision_sim.core.event_walls import (answer_walls, begin_bound_path, end_bound_path,
@@ -184,13 +184,12 @@ def _looks_back(gas, i, row):
 @kernel
 def _list_touch(gas, row, i, j, t, count, lasting):
     """List the contact of particle i with j, if they touch; how many contacts there are then."""
-    states, inverse = gas.states, gas.matter.inverse
-    size = states[i, RADIUS] + states[j, RADIUS]
+    states, size = gas.states, gas.states[i, RADIUS] + gas.states[j, RADIUS]
     x, v = three(states, i, X), three(states, i, V)
     y, w = state_of(gas, j, t)
     r, u = subtract(x, y), subtract(v, w)
     near = reach(gas, size, x, y, v, w) + (CLOSE * TIE * size if lasting else 0.0)
-    if dot(r, r) > near * near or not (size > 0.0 and inverse[i] + inverse[j] > 0.0):
+    if dot(r, r) > near * near or not can_meet(gas, i, j):
         return count
     _, n = direction(r, u)
     if not (lasting or dot(n, u) < -closing_noise(v, w)):
@@ -218,7 +217,7 @@ def list_touches(gas, row, t, count, lasting):
                 while j != NONE:
                     if not _looks_back(gas, j, row):
                         count = _list_touch(gas, row, i, j, t, count, lasting)
-                    j = links[j, NEXT]
+                    j = gas.grid.after[j]
     return count
 
 
@@ -429,6 +428,24 @@ def go_on(gas, t):
 
 
 @inlined
+def _is_alone(gas, i, t):
+    """Whether nobody but the two of an event can take part in the round, as far as is known."""
+    states, j, soon = gas.states, gas.links[i, OTHER], t + 1e-3 * TIE * gas.clock[END]
+    if gas.numbers[STRUCK] > 2 or not states[i, NEXT_BEST] > soon:
+        return False
+    return not (states[j, MEETS] <= soon and (gas.links[j, OTHER] != i
+                                              or not states[j, NEXT_BEST] > soon))
+
+
+@inlined
+def _list_alone(gas, i, t):
+    """List the contact of the two of an event, if they approach; how many there are."""
+    bring_up(gas, gas.struck[0], t)
+    bring_up(gas, gas.struck[1], t)
+    return _list_touch(gas, 0, gas.struck[0], gas.struck[1], t, 0, False)
+
+
+@inlined
 def play_round(gas, i, t):
     """
     Answer the first event of the queue, with all that happens at once.
@@ -446,7 +463,10 @@ def play_round(gas, i, t):
     gas.numbers[STRUCK] = 0
     take_event(gas, i)
     take_ties(gas, t)
-    count = list_all(gas, t, False)
+    if gas.simple and _is_alone(gas, i, t):
+        count = _list_alone(gas, i, t)
+    else:
+        count = list_all(gas, t, False)
     collapsed = count > 0 and _has_collapsed(gas, count, t)
     if collapsed:
         gas.numbers[ROUNDS] += 1

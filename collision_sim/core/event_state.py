@@ -39,15 +39,16 @@ import numpy as np
 
 # Columns of the states: place [m], velocity [m/s], when its path began [s], radius [m]; when it
 # meets another particle, when its path ends, when it leaves its cell, when it collided last [s];
-# guess for a step of the integrator [s]; until when forces have acted on it where it presses [s].
-(X, V, SINCE, RADIUS, MEETS, ENDS, LEAVES, LATEST, PACE, FORCED, STATE) = (
-    0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 16)
-# Columns of the links: next and previous particle in the cell, number of the cell and its place in
-# the grid; who is met, and the age that it had then; own age: how often its path has changed; seat
+# guess for a step of the integrator [s]; until when forces have acted on it where it presses [s]; when
+# it would meet somebody else, that was seen when it looked [s].
+(X, V, SINCE, RADIUS, MEETS, ENDS, LEAVES, LATEST, PACE, FORCED, NEXT_BEST, STATE) = (
+    0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16)
+# Columns of the links: previous particle in the cell, number of the cell and its place in the grid;
+# who is met, and the age that it had then; own age: how often its path has changed; seat
 # in the heap; how it moves; collisions without time in between, and in all; round in which it was
 # struck last, and its row there; contact counted; surface that has released it.
-(NEXT, BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, SEAT, KIND, RAPID, HITS, ROUND, ROW, COUNTED,
- RELEASED, LINK) = (0, 1, 2, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17)
+(BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, SEAT, KIND, RAPID, HITS, ROUND, ROW, COUNTED, RELEASED,
+ LINK) = (0, 1, 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16)
 FREE, BOUND, PRESSES, FROZEN = 0, 1, 2, 3       # kinds: free flight, other paths, held by others
 # Columns of the ways: a path, and how it ends: surface it stops on, one that it is released
 # by; whether it slides without friction; velocity at the end of the step of who is pushed out.
@@ -64,11 +65,12 @@ class Grid(NamedTuple):
     """
     Cells of a grid that is wound up: cells a whole turn apart share a number.
 
-    head (M,) int64: first particle of each cell; counts (3,) int64: cells of a turn, powers of
+    head (M,) int64: first particle of each cell; after (N,) int64: next one in the cell; counts (3,) int64: cells of a turn, powers of
     two; origin (3,), size [m]: where the grid begins, and the side of a cell.
     """
 
     head: np.ndarray
+    after: np.ndarray
     counts: np.ndarray
     origin: tuple
     size: float
@@ -224,5 +226,5 @@ def make_states(count, simple):
     """Allocate states, links and ways; nothing has happened yet."""
     states, links = np.zeros((count, STATE)), np.zeros((count, LINK), dtype=np.int64)
     states[:, MEETS:LATEST], states[:, LATEST] = inf, -1.0
-    links[:, :BEFORE + 1] = links[:, OTHER] = links[:, ROUND] = links[:, RELEASED] = NONE
+    links[:, BEFORE] = links[:, OTHER] = links[:, ROUND] = links[:, RELEASED] = NONE
     return states, links, np.zeros((1 if simple else count, WAY))

@@ -22,7 +22,7 @@ and booked then.
 from math import inf
 
 from collision_sim.core.courses import material_velocity
-from collision_sim.core.event_state import (BOUND, CLOCK, COUNTED, END, ENDS, fallen, FREE, FREED,
+from collision_sim.core.event_state import (AFTER, BOUND, COUNTED, END, ENDS, fallen, FREE, FREED,
                                             FROZEN, GLIDING, HOLDS, keep_path, KIND, LATEST, MODE,
                                             PACE, path_of, put_three, RAPID, RELEASED, SINCE,
                                             spot_at, STOPPED, three, V, X)
