@@ -179,6 +179,8 @@ class Simulation:
         self._colliders.reset()
         if self._coupling:
             self._coupling.reset()
+        if self._event_pairs:
+            self._event_pairs.forget()
         if self._books:
             self._books.clear()
 

@@ -23,19 +23,24 @@ look for what comes next, in 27 cells, so its cost does not depend on how many p
 What is answered how: event_rounds.py. Who presses on whom: event_presses.py.
 """
 
+from math import inf
+
 from collision_sim.core.event_meetings import change_cell, predict, predict_all
+from collision_sim.core.event_presses import find_pressed, settle_pressed
 from collision_sim.core.event_queue import reseat, seat_all
 from collision_sim.core.event_rounds import bring_up, is_void, play_round
-from collision_sim.core.event_state import (AGE, BEFORE, BOUND, COUNTED, END, ENDS, FREE, HITS,
-                                            KIND, LATEST, LEAVES, MEETS, NUMBERS, put_three, RAPID,
-                                            RELEASED, ROUND, ROUNDS, SINCE, STEP, three, V, X)
-from collision_sim.core.event_walls import (begin_bound_path, settle_walls, start_bound)
+from collision_sim.core.event_state import (AGE, BEAT, BOUND, COUNTED, END, ENDS, FREE, HITS, KIND,
+                                            LAST, LATEST, LEAVES, MEETS, PRESSING, put_three,
+                                            RAPID, RELEASED, ROUND, ROUNDS, SETTLES, SINCE, STEP,
+                                            three, V, X)
+from collision_sim.core.event_walls import begin_bound_path, settle_walls, start_bound
 from collision_sim.core.jit import entry, inlined, kernel
 from collision_sim.core.pairs import column, put
 from collision_sim.core.placing import freeze
 from collision_sim.core.rules import N_LOGGED, NONE
 from collision_sim.core.vectors import is_finite
-from math import inf
+
+BEATS = 8               # of a step, in which those that press on each other go straight on
 
 
 @inlined
@@ -53,7 +58,9 @@ def _begin_particle(gas, i):
 @kernel
 def _begin(gas):
     """Begin a step: paths, cells and the queue."""
-    gas.numbers[ROUNDS] = 0
+    gas.numbers[ROUNDS] = gas.numbers[PRESSING] = 0
+    gas.clock[BEAT], gas.clock[SETTLES] = gas.clock[END] / BEATS, inf
+    gas.clock[LAST] = gas.clock[END] * (1.0 - 1e-9)
     gas.grid.head[:] = NONE
     for i in range(gas.states.shape[0]):
         _begin_particle(gas, i)
@@ -64,6 +71,8 @@ def _begin(gas):
                 begin_bound_path(gas, i, 0.0)
     predict_all(gas)
     seat_all(gas)
+    if not gas.simple:
+        find_pressed(gas)
 
 
 @kernel
@@ -86,9 +95,11 @@ def _end(gas):
 def _run(gas):
     """Go through the events of a step."""
     keys, seats, states = gas.heap.keys, gas.heap.seats, gas.states
-    while keys[0] < inf:
+    while keys[0] < inf or gas.clock[SETTLES] < gas.clock[LAST]:
         i, t = seats[0], keys[0]
-        if states[i, LEAVES] <= t:
+        if gas.clock[SETTLES] < gas.clock[LAST] and gas.clock[SETTLES] <= t:
+            settle_pressed(gas, gas.clock[SETTLES])
+        elif states[i, LEAVES] <= t:
             change_cell(gas, i, t)
             reseat(gas, i)
         elif states[i, MEETS] <= states[i, ENDS] and is_void(gas, i):

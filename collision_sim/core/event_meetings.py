@@ -27,12 +27,12 @@ nothing.
 
 from math import inf, log1p, sqrt
 
-from collision_sim.core.courses import (frame_acceleration, largest_jerk, material_velocity,
-                                        spin_rate)
+from collision_sim.core.courses import frame_acceleration, largest_jerk, spin_rate
 from collision_sim.core.event_cells import cell_number, enter, exit_time, leave
-from collision_sim.core.event_state import (ACCELERATION, AGE, AT, BEND, CLOSED, DECAY, END, ENDS,
-                                            FREE, HOLDS, KIND, LEAVES, MEETS, MODE, NEXT_BEST, OTHER,
-                                            OTHER_AGE, RADIUS, SINCE, spot_at, state_of, three, V)
+from collision_sim.core.event_state import (ACCELERATION, AGE, AT, BEAT, BEND, CLOSED, DECAY, END,
+                                            ENDS, FREE, HOLDS, KIND, LEAVES, MEETS, MODE,
+                                            NEXT_BEST, OTHER, OTHER_AGE, PRESSES, RADIUS, SETTLES,
+                                            spot_at, state_of, three)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.meeting import ZERO
 from collision_sim.core.pairs import direction
@@ -40,9 +40,11 @@ from collision_sim.core.paths import safe_time
 from collision_sim.core.rules import N_UNDECIDED, NONE, ROUNDING
 from collision_sim.core.surfaces import FACES
 from collision_sim.core.sustained import RESTS
-from collision_sim.core.vectors import (add_scaled, cross, dot, EPSILON, largest, length, subtract)
+from collision_sim.core.vectors import add_scaled, cross, dot, EPSILON, largest, length, subtract
 
 TIE = 1e-10             # share of their distance: who is as close touches
+QUIET = 1e-7            # share of what gravity does in a beat: slower, those that press do not hit
+SOON = 1e-6             # share of a beat that is left to the next one
 NEARLY = 1e-6           # share of the square of a distance: farther apart, nobody touches
 SEARCH = 10_000         # most looks at a pair before the search is given up as undecided
 
@@ -51,6 +53,16 @@ SEARCH = 10_000         # most looks at a pair before the search is given up as 
 def closing_noise(vi, vj):
     """Speed [m/s] of two particles towards each other that is only rounding."""
     return ROUNDING * (largest(vi) + largest(vj))
+
+
+@inlined
+def least_closing(gas, i, j, vi, vj):
+    """Speed [m/s] of two particles towards each other up to which they do not collide."""
+    noise = closing_noise(vi, vj)
+    if not gas.simple:
+        if gas.links[i, KIND] == PRESSES or gas.links[j, KIND] == PRESSES:
+            noise = max(noise, QUIET * gas.clock[BEAT] * length(gas.forces.gravity))
+    return noise
 
 
 @inlined
@@ -116,7 +128,11 @@ def bend_of_path(gas, i, t, v):
 @kernel
 def _meet_bent(gas, i, j, t, end):
     """Time [s] at which two particles meet of which not both fly freely; infinite if not."""
-    size = gas.states[i, RADIUS] + gas.states[j, RADIUS]
+    size, slow = gas.states[i, RADIUS] + gas.states[j, RADIUS], 0.0
+    both = gas.links[i, KIND] == PRESSES and gas.links[j, KIND] == PRESSES
+    soon = end - SOON * gas.clock[BEAT]
+    if both:
+        slow = 2.0 * gas.clock[BEAT] * length(gas.forces.gravity)
     for _ in range(SEARCH):
         xi, vi = state_of(gas, i, t)
         xj, vj = state_of(gas, j, t)
@@ -126,13 +142,13 @@ def _meet_bent(gas, i, j, t, end):
         fine = ROUNDING * (largest(xi) + largest(xj) + size)
         above = max(gap, 0.0)
         if gap <= fine:
-            if rate < -closing_noise(vi, vj):
+            if rate < -least_closing(gas, i, j, vi, vj):
                 return t
             above, rate = above + fine, max(rate, 0.0)
         a, change = bend_of_path(gas, i, t, vi)
         b, other = bend_of_path(gas, j, t, vj)
         step = safe_time(above, rate, length(subtract(a, b)) + change + other)
-        if not t + step < end:
+        if not t + step < end or (both and t + step >= soon and rate * rate <= slow * slow):
             return inf
         t += max(step, EPSILON * end)
     gas.accounts[i, N_UNDECIDED] += 1
@@ -148,6 +164,8 @@ def _meet(gas, i, j, t, blur, xi, vi):
         xj, vj = state_of(gas, j, t)
         return t + _meet_straight(gas, size, blur, xi, vi, xj, vj)
     end = min(gas.clock[END], min(states[i, ENDS], states[j, ENDS]))
+    if gas.links[i, KIND] == PRESSES or gas.links[j, KIND] == PRESSES:
+        end = min(end, gas.clock[SETTLES])
     return _meet_bent(gas, i, j, t, end)
 
 

@@ -33,44 +33,34 @@ from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UN
                                                INVERSE, LAW_ROW, MASS, NORMAL, put_at)
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.event_cells import cell_number
-from collision_sim.core.event_meetings import can_meet, change_cell, closing_noise, predict, reach, TIE
+from collision_sim.core.event_meetings import (can_meet, change_cell, least_closing, predict,
+                                               reach, TIE)
+from collision_sim.core.event_presses import brisk, chord_rise, go_on, is_slow
 from collision_sim.core.event_queue import reseat, seat_at
-from collision_sim.core.event_state import (AGE, AT, END, ENDS, FREE, HITS, KIND, LATEST, LEAVES,
-                                            MEETS, NEXT_BEST, OTHER, OTHER_AGE, put_three, RADIUS,
-                                            RAPID, ROUND, ROUNDS, ROW, SINCE, spot_at, state_of,
-                                            STRUCK, three, V, X)
-from collision_sim.core.event_walls import (answer_walls, begin_bound_path, end_bound_path,
-                                            gather_walls)
-from collision_sim.core.exact import record
-from collision_sim.core.exact_ledger import book_path
+from collision_sim.core.event_state import (AGE, AT, END, ENDS, HITS, KIND, LATEST, LEAVES, MEETS,
+                                            NEXT_BEST, OTHER, OTHER_AGE, PRESSES, put_three,
+                                            RADIUS, RAPID, ROUND, ROUNDS, ROW, SETTLES, spot_at,
+                                            state_of, STRUCK, take_in, three, V, X)
+from collision_sim.core.event_walls import answer_walls, bring_up, gather_walls
+from collision_sim.core.exact import _approaches, record
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.joint import _end_approaches, collide_group, MOST, OPEN
 from collision_sim.core.laws import normal_impulse
-from collision_sim.core.ledger import book, book_impulse, INTERNAL, is_kept, kinetic
-from collision_sim.core.meeting import facing, NOBODY, SPEED, surface_of, ZERO
+from collision_sim.core.ledger import book, book_impulse, INTERNAL, kinetic
+from collision_sim.core.meeting import facing, SPEED, surface_of, ZERO
 from collision_sim.core.pair_collisions import friction_factor
 from collision_sim.core.pairs import direction, FIRST, SECOND
-from collision_sim.core.paths import Path
 from collision_sim.core.rules import (COLLISION, N_COLLAPSED, N_COLLISION, N_PAIR_COLLISION,
                                       N_UNDECIDED, N_UNSETTLED, NONE)
+from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.surfaces import FACES
-from collision_sim.core.sustained import FLIES
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 
 CHATTER = 200           # collisions of a particle without time in between, after which it collapses
 MANY = 200_000          # collisions of a particle in a step, after which it does, too
+UNITED = -2             # label of a body that has been counted
 CLOSE = 10.0            # times TIE: who hangs together in a collapse
-
-
-@inlined
-def take_in(gas, i):
-    """Let a particle take part in the round."""
-    if gas.links[i, ROUND] != gas.numbers[ROUNDS]:
-        row = gas.numbers[STRUCK]
-        gas.links[i, ROUND], gas.links[i, ROW] = gas.numbers[ROUNDS], row
-        gas.struck[row] = i
-        gas.numbers[STRUCK] = row + 1
 
 
 @inlined
@@ -127,34 +117,6 @@ def take_ties(gas, t):
 
 
 @inlined
-def bring_up(gas, i, t):
-    """Let the path of a particle end at a time."""
-    if gas.simple and not is_kept(gas.ledger):
-        x, v = state_of(gas, i, t)
-        put_three(gas.states, i, X, x)
-        put_three(gas.states, i, V, v)
-        gas.states[i, SINCE] = t
-    else:
-        _bring_up_booked(gas, i, t)
-
-
-@kernel
-def _bring_up_booked(gas, i, t):
-    if not gas.simple:
-        end_bound_path(gas, i, t)
-        return
-    x, v = state_of(gas, i, t)
-    states, f = gas.states, gas.forces
-    path = Path(FLIES, NOBODY, states[i, SINCE], three(states, i, X), three(states, i, V), True,
-                f.gravity, f.linear, 0.0, False)
-    book_path(gas.ledger, gas.rules, f, spot_at(gas, i), gas.table, gas.poses, gas.courses,
-              gas.work, path, t, x, v)
-    put_three(states, i, X, x)
-    put_three(states, i, V, v)
-    states[i, SINCE] = t
-
-
-@inlined
 def write_body(gas, row, i):
     """Write the body that stands for a particle in what happens at once."""
     bodies = gas.pile.bodies
@@ -192,13 +154,16 @@ def _list_touch(gas, row, i, j, t, count, lasting):
     if dot(r, r) > near * near or not can_meet(gas, i, j):
         return count
     _, n = direction(r, u)
-    if not (lasting or dot(n, u) < -closing_noise(v, w)):
+    if not (lasting or dot(n, u) < -least_closing(gas, i, j, v, w)):
         return count
     if count >= gas.pile.ends.shape[0]:
         gas.accounts[i, N_UNDECIDED] += 1
         return count
     take_in(gas, j)
-    pile, law = gas.pile, gas.laws.shape[0] - 1
+    pile, law = gas.pile, gas.table.shape[0]
+    if not gas.simple:
+        if is_slow(gas, i, j, n, t, -dot(n, u), size):
+            law += gas.table.shape[0] + 1
     pile.ends[count, FIRST], pile.ends[count, SECOND] = row, gas.links[j, ROW]
     pile.ends[count, LAW_ROW], pile.source[count] = law, NONE
     put_at(pile.contacts, count, NORMAL, n)
@@ -239,7 +204,14 @@ def list_walls(gas, row, t, first, count):
             gas.pile.bodies[body, INVERSE] = 0.0
             put_at(gas.pile.bodies, body, UNPUSHED, obj)
             put_at(gas.pile.bodies, body, ENDING, obj)
-            write_contact(gas, count, row, body, c, c, facing(gas.met, k), 0.0)
+            law, bound, n = c, 0.0, facing(gas.met, k)
+            if gas.links[i, KIND] == PRESSES and -gas.met[k, SPEED] <= brisk(gas):
+                law += gas.table.shape[0] + 1
+                rest = min(gas.clock[SETTLES], gas.clock[END]) - t
+                w = subtract(three(gas.states, i, V), obj)
+                face = surface_of(gas.met, k) % FACES
+                bound = chord_rise(gas, c, face, w, n, gas.states[i, RADIUS], max(rest, 0.0))
+            write_contact(gas, count, row, body, law, c, n, bound)
             count += 1
     return count, first + met
 
@@ -253,13 +225,13 @@ def change_velocity(gas, i, after, work):
 
 
 @inlined
-def _collide_two(gas, i, j, n, inelastic):
+def _collide_two(gas, i, j, n, law):
     """Let two particles collide by themselves."""
     states, inverse = gas.states, gas.matter.inverse
     vi, vj = three(states, i, V), three(states, j, V)
-    u, law = subtract(vi, vj), gas.laws.shape[0] - 1
+    u = subtract(vi, vj)
     v_n = dot(u, n)
-    dv_n = -v_n if inelastic else normal_impulse(v_n, gas.eps)
+    dv_n = normal_impulse(v_n, gas.laws[law, RESTITUTION])
     slip = add_scaled(u, -v_n, n)
     factor = friction_factor(gas.pairs_dry, gas.pairs_wet, gas.laws, law, slip, dv_n)
     dv = add_scaled(scaled(dv_n, n), factor - 1.0, slip)
@@ -304,11 +276,14 @@ def _answer_group(gas, first, count, inelastic):
         gas.accounts[0, N_UNSETTLED] += friction == OPEN
         return
     gas.accounts[0, N_UNSETTLED] += 1
-    _answer_singly(gas, first, count, inelastic)
+    if inelastic:
+        _unite(gas, first, count)
+    else:
+        _answer_singly(gas, first, count)
 
 
 @kernel
-def _answer_singly(gas, first, count, inelastic):
+def _answer_singly(gas, first, count):
     """Answer contacts one after the other, each for what the ones before it have left."""
     pile = gas.pile
     bodies = pile.bodies
@@ -319,8 +294,7 @@ def _answer_singly(gas, first, count, inelastic):
         u = subtract(at(bodies, a, ENDING), at(bodies, b, ENDING))
         v_n, law = dot(u, n), pile.ends[c, LAW_ROW]
         if v_n < 0.0:
-            eps = 0.0 if inelastic else gas.eps
-            dv_n = -v_n * (1.0 + eps)
+            dv_n = normal_impulse(v_n, gas.laws[law, RESTITUTION])
             slip = add_scaled(u, -v_n, n)
             factor = friction_factor(gas.dry, gas.wet, gas.laws, law, slip, dv_n)
             dv = add_scaled(scaled(dv_n, n), factor - 1.0, slip)
@@ -330,6 +304,36 @@ def _answer_singly(gas, first, count, inelastic):
                                                  bodies[a, INVERSE] / total, dv))
             put_at(bodies, b, ENDING, add_scaled(at(bodies, b, ENDING),
                                                  -bodies[b, INVERSE] / total, dv))
+
+
+@kernel
+def _unite(gas, first, count):
+    """Give all of a group one velocity: that of what nothing moves, if there is such, or the mean."""
+    pile, mass, momentum, fixed = gas.pile, 0.0, ZERO, NONE
+    for k in range(count):
+        c = pile.member[first + k]
+        put_at(pile.contacts, c, IMPULSE, ZERO)
+        for end in range(2):
+            body = pile.ends[c, end]
+            inverse = pile.bodies[body, INVERSE]
+            if inverse == 0.0:
+                fixed = c
+            elif pile.label[body] != UNITED:
+                pile.label[body] = UNITED
+                mass += 1.0 / inverse
+                momentum = add_scaled(momentum, 1.0 / inverse, at(pile.bodies, body, UNPUSHED))
+    u = scaled(1.0 / mass, momentum)
+    if fixed != NONE:
+        other = pile.ends[fixed, SECOND]
+        if pile.bodies[other, INVERSE] > 0.0:
+            other = pile.ends[fixed, FIRST]
+        u = at(pile.bodies, other, UNPUSHED)
+        put_at(pile.contacts, fixed, IMPULSE, add_scaled(scaled(mass, u), -1.0, momentum))
+    for k in range(count):
+        for end in range(2):
+            body = pile.ends[pile.member[first + k], end]
+            if pile.bodies[body, INVERSE] > 0.0:
+                put_at(pile.bodies, body, ENDING, u)
 
 
 @kernel
@@ -373,9 +377,10 @@ def _answer_together(gas, pairs, collapsed, t):
         write_contact(gas, c, a, b, pile.ends[c, LAW_ROW], NONE, at(pile.contacts, c, NORMAL), 0.0)
     if not gas.simple:
         for row in range(struck):
-            if pile.used[row] == 0:
-                pile.used[row] = 0
-            elif gas.matter.inverse[gas.struck[row]] > 0.0:
+            i = gas.struck[row]
+            if gas.links[i, KIND] == PRESSES:
+                pile.used[row] = 1
+            if pile.used[row] == 1 and gas.matter.inverse[i] > 0.0:
                 count, bodies = list_walls(gas, row, t, bodies, count)
     alone = 0
     for row in range(struck):
@@ -414,23 +419,11 @@ def list_all(gas, t, lasting):
 
 
 @inlined
-def go_on(gas, t):
-    """Let all that have taken part go on, and find what comes next for each."""
-    for row in range(gas.numbers[STRUCK]):
-        i = gas.struck[row]
-        gas.links[i, AGE] += 1
-        if not gas.simple:
-            begin_bound_path(gas, i, t)
-    for row in range(gas.numbers[STRUCK]):
-        i = gas.struck[row]
-        predict(gas, i, t)
-        reseat(gas, i)
-
-
-@inlined
 def _is_alone(gas, i, t):
     """Whether nobody but the two of an event can take part in the round, as far as is known."""
     states, j, soon = gas.states, gas.links[i, OTHER], t + 1e-3 * TIE * gas.clock[END]
+    if gas.numbers[STRUCK] == 1:
+        return states[i, MEETS] > soon
     if gas.numbers[STRUCK] > 2 or not states[i, NEXT_BEST] > soon:
         return False
     return not (states[j, MEETS] <= soon and (gas.links[j, OTHER] != i
@@ -441,8 +434,20 @@ def _is_alone(gas, i, t):
 def _list_alone(gas, i, t):
     """List the contact of the two of an event, if they approach; how many there are."""
     bring_up(gas, gas.struck[0], t)
+    if gas.numbers[STRUCK] == 1:
+        return 0
     bring_up(gas, gas.struck[1], t)
     return _list_touch(gas, 0, gas.struck[0], gas.struck[1], t, 0, False)
+
+
+@inlined
+def _meets_walls(gas, t):
+    """Whether any particle of the round approaches a collider that it touches."""
+    if not gas.simple:
+        for row in range(gas.numbers[STRUCK]):
+            if _approaches(gas.met, gather_walls(gas, gas.struck[row], t)):
+                return True
+    return False
 
 
 @inlined
@@ -463,10 +468,7 @@ def play_round(gas, i, t):
     gas.numbers[STRUCK] = 0
     take_event(gas, i)
     take_ties(gas, t)
-    if gas.simple and _is_alone(gas, i, t):
-        count = _list_alone(gas, i, t)
-    else:
-        count = list_all(gas, t, False)
+    count = _list_alone(gas, i, t) if _is_alone(gas, i, t) else list_all(gas, t, False)
     collapsed = count > 0 and _has_collapsed(gas, count, t)
     if collapsed:
         gas.numbers[ROUNDS] += 1
@@ -474,9 +476,9 @@ def play_round(gas, i, t):
         for row in range(struck):
             take_in(gas, gas.struck[row])
         count = list_all(gas, t, True)
-    if count == 1 and gas.numbers[STRUCK] == 2 and gas.simple:
+    if count == 1 and gas.numbers[STRUCK] == 2 and not collapsed and not _meets_walls(gas, t):
         a, b = gas.struck[gas.pile.ends[0, FIRST]], gas.struck[gas.pile.ends[0, SECOND]]
-        _collide_two(gas, a, b, at(gas.pile.contacts, 0, NORMAL), False)
+        _collide_two(gas, a, b, at(gas.pile.contacts, 0, NORMAL), gas.pile.ends[0, LAW_ROW])
     elif count > 0 or not gas.simple:
         _answer_together(gas, count, collapsed, t)
     go_on(gas, t)

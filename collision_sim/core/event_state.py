@@ -24,11 +24,10 @@ start of the step.
 from math import inf
 from typing import NamedTuple
 
+from collision_sim.core.contact_solver import Pile, Work
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.ledger import Ledger
-from collision_sim.core.meeting import ZERO
-from collision_sim.core.contact_solver import Pile
 from collision_sim.core.joint import Room
+from collision_sim.core.ledger import Ledger
 from collision_sim.core.pairs import Matter
 from collision_sim.core.paths import decay, Path, state_at
 from collision_sim.core.rules import NONE, Rules
@@ -49,14 +48,15 @@ import numpy as np
 # struck last, and its row there; contact counted; surface that has released it.
 (BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, SEAT, KIND, RAPID, HITS, ROUND, ROW, COUNTED, RELEASED,
  LINK) = (0, 1, 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16)
-FREE, BOUND, PRESSES, FROZEN = 0, 1, 2, 3       # kinds: free flight, other paths, held by others
+# Kinds: free flight, other paths, straight on from beat to beat, and held by a fail-safe.
+FREE, BOUND, PRESSES, FROZEN = 0, 1, 2, 3
 # Columns of the ways: a path, and how it ends: surface it stops on, one that it is released
 # by; whether it slides without friction; velocity at the end of the step of who is pushed out.
 (MODE, HOLDS, FIRST_X, FIRST_V, CLOSED, ACCELERATION, DECAY, BEND, STIFF, STOPPED, FREED, GLIDING,
  AFTER, WAY) = (0, 1, 4, 7, 10, 11, 14, 15, 16, 17, 18, 19, 20, 24)
-# Entries of the clock [s]: now, end of the step, next time at which those that press are settled,
-# how long until the one after.
-NOW, END, SETTLES, BEAT, CLOCK = 0, 1, 2, 3, 8
+# Entries of the clock [s]: end of the step, when the next beat of those that press begins, how long
+# one is, and when none begins any more.
+END, SETTLES, BEAT, LAST, CLOCK = 0, 1, 2, 3, 8
 # Entries of the numbers: rounds so far, particles in this one, those that press, row of the poses.
 ROUNDS, STRUCK, PRESSING, STEP, NUMBERS = 0, 1, 2, 3, 8
 
@@ -83,16 +83,31 @@ class Heap(NamedTuple):
     seats: np.ndarray
 
 
+class Impulses(NamedTuple):
+    """
+    Impulses of the contacts of the last beat.
+
+    head (N,) int64: last contact of each particle; after, whom (C,) int64: next one of the same
+    particle, and with which particle, or -2 less the collider; impulse (C, 3) [N s].
+    """
+
+    head: np.ndarray
+    after: np.ndarray
+    whom: np.ndarray
+    impulse: np.ndarray
+
+
 class Gas(NamedTuple):
     """
     A step with everything in it.
 
     rules, forces, table, poses, motion, courses, log, accounts, notes, ledger, x, v: as in
-    exact.py, each particle a block of its own; everyone, answers, nobody: of Spot; matter; laws,
-    dry, wet: as in PairRules; eps: restitution of pairs; simple: whether all fly and meet no
+    exact.py, each particle a block of its own; everyone, answers, nobody: of Spot; matter; laws
+    (2 C + 2, shapes.COLUMNS): those of the colliders and of pairs, and all again with restitution
+    0; dry, wet: whether any has such friction, and pairs; eps: restitution of pairs; simple: whether all fly and meet no
     collider; states (N, STATE), links (N, LINK), ways (N, WAY); clock, numbers; grid, heap;
-    struck (N,) int64: particles of a round; pile, room: scratch of what happens at once; work, met:
-    scratch of exact.py.
+    struck (N,) int64: particles of a round; pressing (N,) int64: those that press; memory; pile,
+    room, sweeps: scratch of what happens at once; work, met: scratch of exact.py.
     """
 
     rules: Rules
@@ -126,8 +141,11 @@ class Gas(NamedTuple):
     grid: Grid
     heap: Heap
     struck: np.ndarray
+    pressing: np.ndarray
+    memory: Impulses
     pile: Pile
     room: Room
+    sweeps: Work
     work: np.ndarray
     met: np.ndarray
 
@@ -220,6 +238,16 @@ def state_of(gas, i, t):
     if gas.simple or gas.links[i, KIND] == FREE:
         return fallen(gas, i, t)
     return _led(gas, i, t)
+
+
+@inlined
+def take_in(gas, i):
+    """Let a particle take part in the round."""
+    if gas.links[i, ROUND] != gas.numbers[ROUNDS]:
+        row = gas.numbers[STRUCK]
+        gas.links[i, ROUND], gas.links[i, ROW] = gas.numbers[ROUNDS], row
+        gas.struck[row] = i
+        gas.numbers[STRUCK] = row + 1
 
 
 def make_states(count, simple):

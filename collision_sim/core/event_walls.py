@@ -22,18 +22,18 @@ and booked then.
 from math import inf
 
 from collision_sim.core.courses import material_velocity
-from collision_sim.core.event_state import (AFTER, BOUND, COUNTED, END, ENDS, fallen, FREE, FREED,
-                                            FROZEN, GLIDING, HOLDS, keep_path, KIND, LATEST, MODE,
-                                            PACE, path_of, put_three, RAPID, RELEASED, SINCE,
-                                            spot_at, STOPPED, three, V, X)
+from collision_sim.core.event_state import (AFTER, BOUND, COUNTED, END, ENDS, FREE, FREED, FROZEN,
+                                            GLIDING, keep_path, KIND, LATEST, PACE, path_of,
+                                            PRESSES, put_three, RAPID, RELEASED, SINCE, spot_at,
+                                            state_of, STOPPED, three, V, X)
 from collision_sim.core.events import next_event
 from collision_sim.core.exact import (_approaches, _book_candidate, _book_stop, _collide,
-                                      _is_inside, _is_squeezed, _log_holds, _settle,
-                                      _stop_jointly, CHATTER, HOP)
+                                      _is_inside, _is_squeezed, _log_holds, _settle, _stop_jointly,
+                                      CHATTER, HOP)
 from collision_sim.core.exact_ledger import book_path
 from collision_sim.core.jit import inlined, kernel
-from collision_sim.core.ledger import book, book_shift, is_kept, kinetic, REPULSED
-from collision_sim.core.meeting import facing, gather, NOBODY, surface_of, ZERO
+from collision_sim.core.ledger import book, book_shift, INTERNAL, is_kept, kinetic, REPULSED
+from collision_sim.core.meeting import gather, NOBODY, surface_of, ZERO
 from collision_sim.core.paths import Path, state_at
 from collision_sim.core.placing import note_unplaced
 from collision_sim.core.response import resolve
@@ -41,7 +41,7 @@ from collision_sim.core.rules import N_CONTACT, N_FAIL_SAFE, NONE
 from collision_sim.core.surfaces import as_here, FACES
 from collision_sim.core.sustained import (choose_mode, FLIES, GLIDES, onto_surfaces, RESTS, SLIDES,
                                           smooth)
-from collision_sim.core.vectors import add_scaled, is_finite, length, scaled, subtract
+from collision_sim.core.vectors import length, scaled, subtract
 
 
 @inlined
@@ -51,7 +51,7 @@ def _forces_of(gas, i):
 
 
 @kernel
-def end_bound_path(gas, i, t):
+def _end_bound_path(gas, i, t):
     """
     End the path of a particle at a time, with what it logs and books; its state is that then.
 
@@ -75,7 +75,9 @@ def end_bound_path(gas, i, t):
         gas.links[i, RELEASED] = int(gas.ways[i, FREED])
         if stopped != NONE:
             v = material_velocity(gas.courses, gas.poses, here, stopped // FACES, t, x)
-    if kind == FROZEN and path.mode == FLIES:
+    if kind == PRESSES:
+        book_shift(gas.ledger, here, INTERNAL, subtract(x, path.x))
+    elif kind == FROZEN and path.mode == FLIES:
         v = three(gas.ways, i, AFTER)
         left = scaled(gas.clock[END] - t, path.v)
         book_shift(gas.ledger, here, REPULSED, scaled(-1.0, left))
@@ -101,6 +103,34 @@ def _book_held(gas, i, path, t, x, v):
         book(gas.ledger, here, REPULSED, kinetic(path.v, v))
 
 
+@inlined
+def bring_up(gas, i, t):
+    """Let the path of a particle end at a time."""
+    if gas.simple and not is_kept(gas.ledger):
+        x, v = state_of(gas, i, t)
+        put_three(gas.states, i, X, x)
+        put_three(gas.states, i, V, v)
+        gas.states[i, SINCE] = t
+    else:
+        _bring_up_booked(gas, i, t)
+
+
+@kernel
+def _bring_up_booked(gas, i, t):
+    if not gas.simple:
+        _end_bound_path(gas, i, t)
+        return
+    x, v = state_of(gas, i, t)
+    states, f = gas.states, gas.forces
+    path = Path(FLIES, NOBODY, states[i, SINCE], three(states, i, X), three(states, i, V), True,
+                f.gravity, f.linear, 0.0, False)
+    book_path(gas.ledger, gas.rules, f, spot_at(gas, i), gas.table, gas.poses, gas.courses,
+              gas.work, path, t, x, v)
+    put_three(states, i, X, x)
+    put_three(states, i, V, v)
+    states[i, SINCE] = t
+
+
 @kernel
 def begin_bound_path(gas, i, t):
     """
@@ -108,8 +138,11 @@ def begin_bound_path(gas, i, t):
 
     Parameters
     ----------
-    gas, i, t
-        As in `end_bound_path`.
+    gas : event_state.Gas
+    i : int
+        Which particle.
+    t : float [s]
+        Now; its state is that then.
 
     """
     here, states, links, ways = spot_at(gas, i), gas.states, gas.links, gas.ways
@@ -162,7 +195,7 @@ def answer_walls(gas, i, t):
     Parameters
     ----------
     gas, i, t
-        As in `end_bound_path`; its state is that at this time.
+        As in `begin_bound_path`.
 
     """
     states, links, met = gas.states, gas.links, gas.met
