@@ -54,12 +54,14 @@ from collision_sim.core.ledger import book, book_impulse, DRAG, INTERNAL, is_kep
 from collision_sim.core.meeting import NOBODY, ZERO
 from collision_sim.core.pairs import direction, FIRST, SECOND
 from collision_sim.core.paths import Path
-from collision_sim.core.rules import N_PAIR_CONTACT, N_UNDECIDED, N_UNSETTLED, NONE, SLIDE, STICK
+from collision_sim.core.rules import (N_PAIR_CONTACT, N_UNDECIDED, N_UNSETTLED, NONE, ROUNDING,
+                                      SLIDE, STICK)
 from collision_sim.core.shapes import SIDE, SIZE
-from collision_sim.core.surfaces import FACES, faces, gap_to, is_flat
+from collision_sim.core.surfaces import FACES, faces, gap_to, is_flat, touching_depth
 from collision_sim.core.sustained import FLIES, held, pull, RESTS
-from collision_sim.core.vectors import add_scaled, dot, EPSILON, length, scaled, subtract
+from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, scaled, subtract
 
+STILL = 1e-9            # share of what gravity does in a beat: slower, a particle is at rest
 LEAN = 1e-3             # share of the speed that a force makes in a beat: who leaves slower stays
 
 
@@ -235,8 +237,11 @@ def _list_near(gas, row, i, j, t, h, count):
         take_in(gas, j)
         bring_up(gas, j, t)
         _write_body(gas, gas.links[j, ROW], j, 0.0)
+    gap = distance - size
+    if abs(gap) <= ROUNDING * (largest(x) + largest(y) + size):
+        gap = 0.0
     _begin_contact(gas, count, row, gas.links[j, ROW], gas.table.shape[0],
-                   j if distance <= near else -2 - j, n, distance - size, h)
+                   j if distance <= near else -2 - j, n, gap, h)
     return count + 1
 
 
@@ -282,6 +287,8 @@ def _list_colliders(gas, row, t, h, count, bodies):
             if gap > h * (2.0 * brisk(gas) + max(-dot(n, w), 0.0)) + TIE * here.radius or (
                     count >= gas.pile.ends.shape[0] or bodies >= gas.pile.bodies.shape[0]):
                 continue
+            if abs(gap) <= touching_depth(table, gas.poses, here, c, x):
+                gap = 0.0
             gas.pile.bodies[bodies, INVERSE] = 0.0
             put_at(gas.pile.bodies, bodies, UNPUSHED, obj)
             put_at(gas.pile.bodies, bodies, ENDING, obj)
@@ -398,7 +405,7 @@ def _hand_on(gas, own, count, pairs, end):
             if acts or pile.source[c] >= 0:
                 pile.order[row] = pile.order[other] = 1
             gas.accounts[i, N_PAIR_CONTACT] += acts
-        elif acts:
+        elif acts and pile.order[row] == 1:
             here, wall = spot_at(gas, i), pile.source[c]
             dv, obj = scaled(gas.matter.inverse[i], impulse), at(pile.bodies, other, UNPUSHED)
             w = subtract(at(pile.bodies, row, ENDING), obj)
@@ -411,6 +418,8 @@ def _hand_on(gas, own, count, pairs, end):
         i = gas.struck[row]
         after = at(pile.bodies, row, ENDING)
         if pile.order[row] == 1:
+            if length(after) <= STILL * brisk(gas):
+                after = ZERO
             _book_forces(gas, i, end - states[i, FORCED], pile.work[row], after)
             put_three(states, i, V, after)
             states[i, FORCED] = end

@@ -57,8 +57,9 @@ from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.surfaces import FACES
 from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
 
-CHATTER = 200           # collisions of a particle without time in between, after which it collapses
+CHATTER = 64            # collisions without time in between after which a particle collapses
 MANY = 200_000          # collisions of a particle in a step, after which it does, too
+ALL = 1 << 40           # contacts: no limit
 UNITED = -2             # label of a body that has been counted
 CLOSE = 10.0            # times TIE: who hangs together in a collapse
 
@@ -187,7 +188,7 @@ def list_touches(gas, row, t, count, lasting):
 
 
 @kernel
-def list_walls(gas, row, t, first, count):
+def list_walls(gas, row, t, first, count, lasting):
     """
     List the contacts of a particle with colliders that it approaches; how many there are then.
 
@@ -196,7 +197,7 @@ def list_walls(gas, row, t, first, count):
     i = gas.struck[row]
     met = gather_walls(gas, i, t)
     for k in range(met):
-        if gas.met[k, SPEED] < 0.0 and count < gas.pile.ends.shape[0] and (
+        if (lasting or gas.met[k, SPEED] < 0.0) and count < gas.pile.ends.shape[0] and (
                 first + k < gas.pile.bodies.shape[0]):
             c, body = surface_of(gas.met, k) // FACES, first + k
             obj = material_velocity(gas.courses, gas.poses, spot_at(gas, i), c, t,
@@ -364,7 +365,7 @@ def take_over(gas, count, pairs, t):
 
 
 @kernel
-def _answer_together(gas, pairs, collapsed, t):
+def _answer_together(gas, pairs, inelastic, t):
     """Answer what happens in a round, where it is more than one contact of two particles."""
     pile, struck, count = gas.pile, gas.numbers[STRUCK], pairs
     bodies = struck
@@ -381,7 +382,7 @@ def _answer_together(gas, pairs, collapsed, t):
             if gas.links[i, KIND] == PRESSES:
                 pile.used[row] = 1
             if pile.used[row] == 1 and gas.matter.inverse[i] > 0.0:
-                count, bodies = list_walls(gas, row, t, bodies, count)
+                count, bodies = list_walls(gas, row, t, bodies, count, inelastic)
     alone = 0
     for row in range(struck):
         alone += pile.used[row] == 0
@@ -390,7 +391,7 @@ def _answer_together(gas, pairs, collapsed, t):
             pile.order[row] = pile.used[row]
         groups = group_contacts(pile, bodies, count)
         for g in range(groups):
-            _answer_group(gas, 0 + pile.group[g], pile.group[g + 1] - pile.group[g], collapsed)
+            _answer_group(gas, 0 + pile.group[g], pile.group[g + 1] - pile.group[g], inelastic)
         take_over(gas, count, pairs, t)
         for row in range(struck):
             pile.used[row] = pile.order[row]
@@ -398,24 +399,70 @@ def _answer_together(gas, pairs, collapsed, t):
         for row in range(struck):
             if pile.used[row] == 0:
                 answer_walls(gas, gas.struck[row], t)
-    gas.accounts[0, N_COLLAPSED] += collapsed
 
 
 @kernel
-def list_all(gas, t, lasting):
-    """List the contacts of all that take part, and who takes part by them; how many there are."""
+def list_all(gas, t, lasting, most):
+    """
+    List the contacts of all that take part, and who takes part by them.
+
+    Parameters
+    ----------
+    gas : event_state.Gas
+    t : float [s]
+        Now.
+    lasting : bool
+        Whether to list all that touch, or only those that approach each other.
+    most : int
+        After how many contacts to stop.
+
+    Returns
+    -------
+    count : int
+        How many contacts there are; more than `most` where not all are listed.
+
+    """
     count, row = 0, 0
     while row < gas.numbers[STRUCK]:
         bring_up(gas, gas.struck[row], t)
         row += 1
     row = 0
-    while row < gas.numbers[STRUCK]:
+    while row < gas.numbers[STRUCK] and count <= most:
         before = gas.numbers[STRUCK]
         count = list_touches(gas, row, t, count, lasting)
         for k in range(before, gas.numbers[STRUCK]):
             bring_up(gas, gas.struck[k], t)
         row += 1
     return count
+
+
+@kernel
+def _list_anew(gas, t, lasting, most):
+    """List contacts as `list_all`, from those on that have begun the round."""
+    struck = gas.numbers[STRUCK]
+    gas.numbers[ROUNDS] += 1
+    gas.numbers[STRUCK] = 0
+    for row in range(struck):
+        take_in(gas, gas.struck[row])
+    return list_all(gas, t, lasting, most)
+
+
+@kernel
+def _is_calm(gas, count, t):
+    """Whether all that approaches in a round does so slowly, and is held by others."""
+    presses = False
+    for c in range(count):
+        if gas.pile.ends[c, LAW_ROW] == gas.table.shape[0]:
+            return False
+    for row in range(gas.numbers[STRUCK]):
+        presses = presses or gas.links[gas.struck[row], KIND] == PRESSES
+    if presses:
+        for row in range(gas.numbers[STRUCK]):
+            met = gather_walls(gas, gas.struck[row], t)
+            for k in range(met):
+                if -gas.met[k, SPEED] > brisk(gas):
+                    return False
+    return presses
 
 
 @inlined
@@ -468,17 +515,23 @@ def play_round(gas, i, t):
     gas.numbers[STRUCK] = 0
     take_event(gas, i)
     take_ties(gas, t)
-    count = _list_alone(gas, i, t) if _is_alone(gas, i, t) else list_all(gas, t, False)
+    count = _list_alone(gas, i, t) if _is_alone(gas, i, t) else list_all(gas, t, False, ALL)
     collapsed = count > 0 and _has_collapsed(gas, count, t)
+    calm = False
     if collapsed:
-        gas.numbers[ROUNDS] += 1
-        struck, gas.numbers[STRUCK] = gas.numbers[STRUCK], 0
-        for row in range(struck):
-            take_in(gas, gas.struck[row])
-        count = list_all(gas, t, True)
-    if count == 1 and gas.numbers[STRUCK] == 2 and not collapsed and not _meets_walls(gas, t):
+        count = _list_anew(gas, t, True, ALL)
+    elif not gas.simple and _is_calm(gas, count, t):
+        struck = gas.numbers[STRUCK]
+        count = _list_anew(gas, t, True, MOST)
+        calm = count <= MOST
+        if not calm:
+            gas.numbers[STRUCK] = struck
+            count = _list_anew(gas, t, False, ALL)
+    if count == 1 and gas.numbers[STRUCK] == 2 and not (collapsed or calm) and (
+            not _meets_walls(gas, t)):
         a, b = gas.struck[gas.pile.ends[0, FIRST]], gas.struck[gas.pile.ends[0, SECOND]]
         _collide_two(gas, a, b, at(gas.pile.contacts, 0, NORMAL), gas.pile.ends[0, LAW_ROW])
     elif count > 0 or not gas.simple:
-        _answer_together(gas, count, collapsed, t)
+        _answer_together(gas, count, collapsed or calm, t)
+    gas.accounts[0, N_COLLAPSED] += collapsed
     go_on(gas, t)

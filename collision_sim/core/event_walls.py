@@ -132,9 +132,18 @@ def _bring_up_booked(gas, i, t):
 
 
 @kernel
+def gather_walls(gas, i, t):
+    """Gather the colliders that a particle touches and does not leave; how many, in gas.met."""
+    return gather(gas.rules, spot_at(gas, i), gas.table, gas.poses, gas.courses, gas.met, t,
+                  three(gas.states, i, X), three(gas.states, i, V), 1.0, True)
+
+
+@kernel
 def begin_bound_path(gas, i, t):
     """
-    Find how a particle that approaches no collider goes on, and when that ends.
+    Find how a particle goes on, and when that ends.
+
+    That is at once for who approaches a collider: it takes part in the next round.
 
     Parameters
     ----------
@@ -147,6 +156,9 @@ def begin_bound_path(gas, i, t):
     """
     here, states, links, ways = spot_at(gas, i), gas.states, gas.links, gas.ways
     x, v = three(states, i, X), three(states, i, V)
+    if _approaches(gas.met, gather_walls(gas, i, t)):
+        _wait(gas, i, t)
+        return
     mode, holds = choose_mode(gas.rules, gas.forces, here, gas.table, gas.poses, gas.courses,
                               gas.met, links[i, RELEASED], t, x, v)
     ways[i, GLIDING] = mode == GLIDES
@@ -165,6 +177,16 @@ def begin_bound_path(gas, i, t):
 
 
 @kernel
+def _wait(gas, i, t):
+    """Let a particle wait for the next round."""
+    keep_path(gas, i, Path(FLIES, NOBODY, t, three(gas.states, i, X), three(gas.states, i, V), True,
+                           gas.forces.gravity, 0.0, 0.0, False))
+    gas.states[i, ENDS], gas.links[i, KIND] = t, BOUND
+    gas.ways[i, STOPPED] = gas.ways[i, FREED] = NONE
+    gas.ways[i, GLIDING] = 0.0
+
+
+@kernel
 def freeze_to(gas, i, s, t):
     """Fail-safe of a particle that closing surfaces hold: it goes along with one of them."""
     here, c, states = spot_at(gas, i), s // FACES, gas.states
@@ -178,13 +200,6 @@ def freeze_to(gas, i, s, t):
     states[i, ENDS], gas.links[i, KIND] = inf, FROZEN
     gas.ways[i, STOPPED] = gas.ways[i, FREED] = NONE
     gas.ways[i, GLIDING] = 0.0
-
-
-@kernel
-def gather_walls(gas, i, t):
-    """Gather the colliders that a particle touches and does not leave; how many, in gas.met."""
-    return gather(gas.rules, spot_at(gas, i), gas.table, gas.poses, gas.courses, gas.met, t,
-                  three(gas.states, i, X), three(gas.states, i, V), 1.0, True)
 
 
 @kernel
