@@ -43,7 +43,7 @@ from collision_sim.core.sustained import RESTS
 from collision_sim.core.vectors import add_scaled, cross, dot, EPSILON, largest, length, subtract
 
 TIE = 1e-10             # share of their distance: who is as close touches
-QUIET = 1e-7            # share of what gravity does in a beat: slower, those that press do not hit
+QUIET = 1e-6            # share of what gravity does in a beat: slower, those that press do not hit
 SOON = 1e-6             # share of a beat that is left to the next one
 NEARLY = 1e-6           # share of the square of a distance: farther apart, nobody touches
 SEARCH = 10_000         # most looks at a pair before the search is given up as undecided

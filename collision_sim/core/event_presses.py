@@ -36,7 +36,7 @@ from collision_sim.core.contact_solver import (at, colour_contacts, CONTACTS, EN
                                                SIZE as BODIES, solve)
 from collision_sim.core.courses import carried, frame_acceleration
 from collision_sim.core.event_cells import cell_number
-from collision_sim.core.event_meetings import can_meet, closing_noise, predict, reach, TIE
+from collision_sim.core.event_meetings import can_meet, closing_noise, predict, QUIET, reach, TIE
 from collision_sim.core.event_queue import reseat
 from collision_sim.core.event_state import (AGE, AT, BEAT, BOUND, END, ENDS, FORCED, FREE, FREED,
                                             FROZEN, GLIDING, keep_path, KIND, path_of, PRESSES,
@@ -59,7 +59,8 @@ from collision_sim.core.rules import (N_PAIR_CONTACT, N_UNDECIDED, N_UNSETTLED, 
 from collision_sim.core.shapes import SIDE, SIZE
 from collision_sim.core.surfaces import FACES, faces, gap_to, is_flat, touching_depth
 from collision_sim.core.sustained import FLIES, held, pull, RESTS
-from collision_sim.core.vectors import add_scaled, dot, EPSILON, largest, length, scaled, subtract
+from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, largest, length, scaled,
+                                        subtract)
 
 STILL = 1e-9            # share of what gravity does in a beat: slower, a particle is at rest
 LEAN = 1e-3             # share of the speed that a force makes in a beat: who leaves slower stays
@@ -409,6 +410,10 @@ def _hand_on(gas, own, count, pairs, end):
             here, wall = spot_at(gas, i), pile.source[c]
             dv, obj = scaled(gas.matter.inverse[i], impulse), at(pile.bodies, other, UNPUSHED)
             w = subtract(at(pile.bodies, row, ENDING), obj)
+            if abs(dot(w, n)) <= QUIET * brisk(gas):    # what the solution has left open
+                left = scaled(-dot(w, n), n)
+                dv, w = add(dv, left), add(w, left)
+                put_at(pile.bodies, row, ENDING, add(w, obj))
             slip = length(add_scaled(w, -dot(w, n), n))
             record(gas.log, gas.accounts, here, wall,
                    STICK if slip <= 1e-9 * brisk(gas) else SLIDE, three(states, i, X), n, dv)
