@@ -38,11 +38,11 @@ from collision_sim.core.courses import carried, frame_acceleration
 from collision_sim.core.event_cells import cell_number
 from collision_sim.core.event_meetings import can_meet, closing_noise, predict, QUIET, reach, TIE
 from collision_sim.core.event_queue import reseat
-from collision_sim.core.event_state import (AGE, AT, BEAT, BOUND, END, ENDS, FORCED, FREE, FREED,
-                                            FROZEN, GLIDING, keep_path, KIND, path_of, PRESSES,
-                                            PRESSING, put_three, RADIUS, ROUND, ROUNDS, ROW,
-                                            SETTLES, spot_at, state_of, STOPPED, STRUCK, take_in,
-                                            three, V, X)
+from collision_sim.core.event_state import (AFTER, AGE, AT, BEAT, BOUND, END, ENDS, FORCED, FREE,
+                                            FREED, FROZEN, GLIDING, HITS, keep_path, KIND, path_of,
+                                            PRESSES, PRESSING, put_three, RADIUS, ROUND, ROUNDS,
+                                            ROW, SETTLES, spot_at, state_of, STOPPED, STRUCK,
+                                            take_in, three, V, X)
 from collision_sim.core.event_walls import begin_bound_path, bring_up
 from collision_sim.core.events import _first_hit
 from collision_sim.core.exact import record
@@ -50,7 +50,8 @@ from collision_sim.core.exact_ledger import _book_momentum
 from collision_sim.core.groups import group_contacts
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.joint import _end_approaches, MOST, OPEN, restrain
-from collision_sim.core.ledger import book, book_impulse, DRAG, INTERNAL, is_kept, kinetic
+from collision_sim.core.ledger import (book, book_impulse, DRAG, INTERNAL, is_kept, kinetic,
+                                       REPULSED)
 from collision_sim.core.meeting import NOBODY, ZERO
 from collision_sim.core.pairs import direction, FIRST, SECOND
 from collision_sim.core.paths import Path
@@ -62,6 +63,7 @@ from collision_sim.core.sustained import FLIES, held, pull, RESTS
 from collision_sim.core.vectors import (add, add_scaled, dot, EPSILON, largest, length, scaled,
                                         subtract)
 
+EVENTS = 100_000        # most rounds that a particle takes part in, in a step
 STILL = 1e-9            # share of what gravity does in a beat: slower, a particle is at rest
 LEAN = 1e-3             # share of the speed that a force makes in a beat: who leaves slower stays
 
@@ -125,10 +127,30 @@ def begin_pressed_path(gas, i, t):
         states[i, ENDS] = hit if hit < end else inf
 
 
+@kernel
+def _give_up(gas, i, t):
+    """Fail-safe of a particle with too many events in a step: it stays where it is until its end."""
+    here, v = spot_at(gas, i), three(gas.states, i, V)
+    gas.accounts[i, N_UNDECIDED] += gas.links[i, HITS] == EVENTS
+    book(gas.ledger, here, REPULSED, kinetic(v, ZERO))
+    put_three(gas.states, i, V, ZERO)
+    keep_path(gas, i, Path(FLIES, NOBODY, t, three(gas.states, i, X), ZERO, True, ZERO, 0.0, 0.0,
+                           False))
+    gas.states[i, ENDS] = inf
+    gas.ways[i, STOPPED] = gas.ways[i, FREED] = NONE
+    gas.ways[i, GLIDING] = 0.0
+    if gas.links[i, KIND] != PRESSES:
+        gas.links[i, KIND] = FROZEN
+        put_three(gas.ways, i, AFTER, ZERO)
+
+
 @inlined
 def begin_path(gas, i, t):
-    """Let a particle that approaches no collider go on."""
-    if gas.links[i, KIND] == PRESSES:
+    """Let a particle go on."""
+    gas.links[i, HITS] += 1
+    if gas.links[i, HITS] >= EVENTS:
+        _give_up(gas, i, t)
+    elif gas.links[i, KIND] == PRESSES:
         begin_pressed_path(gas, i, t)
     else:
         begin_bound_path(gas, i, t)

@@ -29,8 +29,9 @@ together go on without approaching, which is what these collisions come to. It i
 
 from math import inf
 
+from collision_sim.core.cells import MANY
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UNPUSHED, IMPULSE,
-                                               INVERSE, LAW_ROW, MASS, NORMAL, put_at)
+                                               INVERSE, LAW_ROW, MASS, MEAN_BOUND, NORMAL, put_at)
 from collision_sim.core.courses import material_velocity
 from collision_sim.core.event_cells import cell_number
 from collision_sim.core.event_meetings import (can_meet, change_cell, least_closing, predict,
@@ -55,12 +56,12 @@ from collision_sim.core.rules import (COLLISION, N_COLLAPSED, N_COLLISION, N_PAI
                                       N_UNDECIDED, N_UNSETTLED, NONE)
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.surfaces import FACES
-from collision_sim.core.vectors import add_scaled, dot, length, scaled, subtract
+from collision_sim.core.vectors import add, add_scaled, dot, length, scaled, subtract
 
 CHATTER = 64            # collisions without time in between after which a particle collapses
-MANY = 200_000          # collisions of a particle in a step, after which it does, too
 ALL = 1 << 40           # contacts: no limit
 UNITED = -2             # label of a body that has been counted
+PATIENCE = 8            # collisions without time in between with a wall that chords lead off it
 CLOSE = 10.0            # times TIE: who hangs together in a collapse
 
 
@@ -127,7 +128,7 @@ def write_body(gas, row, i):
 
 
 @kernel
-def write_contact(gas, c, a, b, law, source, n, bound):
+def write_contact(gas, c, a, b, law, source, n):
     """Write contact c of bodies a and b; `source` is its collider, if it has one."""
     pile = gas.pile
     pile.ends[c, FIRST], pile.ends[c, SECOND], pile.ends[c, LAW_ROW] = a, b, law
@@ -135,7 +136,7 @@ def write_contact(gas, c, a, b, law, source, n, bound):
     put_at(pile.contacts, c, NORMAL, n)
     total = pile.bodies[a, INVERSE] + pile.bodies[b, INVERSE]
     pile.contacts[c, MASS] = 1.0 / total if total > 0.0 else 1.0
-    pile.contacts[c, END_BOUND] = bound
+    pile.contacts[c, END_BOUND] = 0.0
 
 
 @inlined
@@ -187,6 +188,16 @@ def list_touches(gas, row, t, count, lasting):
     return count
 
 
+@inlined
+def _note_pace(gas, i, t, speed, size):
+    """Count how often a particle has collided without time in between; whether that is enough."""
+    states, links = gas.states, gas.links
+    rapid = t == states[i, LATEST] or speed * (t - states[i, LATEST]) <= TIE * size
+    links[i, RAPID] = links[i, RAPID] + 1 if rapid else 0
+    states[i, LATEST] = t
+    return links[i, RAPID] > CHATTER or links[i, HITS] > MANY
+
+
 @kernel
 def list_walls(gas, row, t, first, count, lasting):
     """
@@ -205,14 +216,16 @@ def list_walls(gas, row, t, first, count, lasting):
             gas.pile.bodies[body, INVERSE] = 0.0
             put_at(gas.pile.bodies, body, UNPUSHED, obj)
             put_at(gas.pile.bodies, body, ENDING, obj)
-            law, bound, n = c, 0.0, facing(gas.met, k)
+            law, rise, n = c, 0.0, facing(gas.met, k)
             if gas.links[i, KIND] == PRESSES and -gas.met[k, SPEED] <= brisk(gas):
                 law += gas.table.shape[0] + 1
                 rest = min(gas.clock[SETTLES], gas.clock[END]) - t
-                w = subtract(three(gas.states, i, V), obj)
-                face = surface_of(gas.met, k) % FACES
-                bound = chord_rise(gas, c, face, w, n, gas.states[i, RADIUS], max(rest, 0.0))
-            write_contact(gas, count, row, body, law, c, n, bound)
+                w, face = subtract(three(gas.states, i, V), obj), surface_of(gas.met, k) % FACES
+                if gas.links[i, RAPID] < PATIENCE:
+                    rise = chord_rise(gas, c, face, w, n, gas.states[i, RADIUS], max(rest, 0.0))
+                _note_pace(gas, i, t, length(w), gas.states[i, RADIUS])
+            write_contact(gas, count, row, body, law, c, n)
+            gas.pile.contacts[count, MEAN_BOUND] = rise
             count += 1
     return count, first + met
 
@@ -240,17 +253,6 @@ def _collide_two(gas, i, j, n, law):
     change_velocity(gas, i, add_scaled(vi, inverse[i] / total, dv), 0.0)
     change_velocity(gas, j, add_scaled(vj, -inverse[j] / total, dv), 0.0)
     gas.accounts[i, N_PAIR_COLLISION] += 1
-
-
-@inlined
-def _note_pace(gas, i, t, speed, size):
-    """Count how often a particle has collided without time in between; whether that is enough."""
-    states, links = gas.states, gas.links
-    rapid = t == states[i, LATEST] or speed * (t - states[i, LATEST]) <= TIE * size
-    links[i, RAPID] = links[i, RAPID] + 1 if rapid else 0
-    links[i, HITS] += 1
-    states[i, LATEST] = t
-    return links[i, RAPID] > CHATTER or links[i, HITS] > MANY
 
 
 @kernel
@@ -337,6 +339,17 @@ def _unite(gas, first, count):
                 put_at(pile.bodies, body, ENDING, u)
 
 
+@inlined
+def _raised(v, obj, n, rise):
+    """Turn a velocity off a round wall, so that the chord that follows stays within it."""
+    w = subtract(v, obj)
+    lacks = rise - dot(w, n)
+    if not lacks > 0.0:
+        return v
+    turned = add_scaled(w, lacks, n)
+    return add_scaled(obj, length(w) / length(turned), turned)
+
+
 @kernel
 def take_over(gas, count, pairs, t):
     """Give the particles of a round what has been made of their velocities."""
@@ -345,15 +358,21 @@ def take_over(gas, count, pairs, t):
         pile.work[row] = 0.0
     for c in range(count):
         impulse, n = at(pile.contacts, c, IMPULSE), at(pile.contacts, c, NORMAL)
-        i = gas.struck[pile.ends[c, FIRST]]
-        if not dot(impulse, n) > 0.0:
-            continue
+        row = pile.ends[c, FIRST]
+        i = gas.struck[row]
         if c < pairs:
-            gas.accounts[i, N_PAIR_COLLISION] += 1
+            gas.accounts[i, N_PAIR_COLLISION] += dot(impulse, n) > 0.0
             continue
         wall, here = pile.source[c], spot_at(gas, i)
         dv = scaled(gas.matter.inverse[i], impulse)
         obj = at(pile.bodies, pile.ends[c, SECOND], UNPUSHED)
+        if pile.contacts[c, MEAN_BOUND] > 0.0:
+            before = at(pile.bodies, row, ENDING)
+            after = _raised(before, obj, n, pile.contacts[c, MEAN_BOUND])
+            dv = add(dv, subtract(after, before))
+            put_at(pile.bodies, row, ENDING, after)
+        if not dot(dv, n) > 0.0:
+            continue
         record(gas.log, gas.accounts, here, wall, COLLISION, three(gas.states, i, X), n, dv)
         book_impulse(gas.ledger, here, wall, dot(dv, obj), dv)
         pile.work[pile.ends[c, FIRST]] += dot(dv, obj)
@@ -375,7 +394,7 @@ def _answer_together(gas, pairs, inelastic, t):
     for c in range(pairs):
         a, b = pile.ends[c, FIRST], pile.ends[c, SECOND]
         pile.used[a] = pile.used[b] = 1
-        write_contact(gas, c, a, b, pile.ends[c, LAW_ROW], NONE, at(pile.contacts, c, NORMAL), 0.0)
+        write_contact(gas, c, a, b, pile.ends[c, LAW_ROW], NONE, at(pile.contacts, c, NORMAL))
     if not gas.simple:
         for row in range(struck):
             i = gas.struck[row]

@@ -79,8 +79,7 @@ def _end_bound_path(gas, i, t):
         book_shift(gas.ledger, here, INTERNAL, subtract(x, path.x))
     elif kind == FROZEN and path.mode == FLIES:
         v = three(gas.ways, i, AFTER)
-        left = scaled(gas.clock[END] - t, path.v)
-        book_shift(gas.ledger, here, REPULSED, scaled(-1.0, left))
+        book_shift(gas.ledger, here, REPULSED, scaled(t - gas.clock[END], path.v))
     elif kind == FROZEN:
         _book_held(gas, i, path, t, x, v)
     else:

@@ -255,8 +255,8 @@ def test_drag(drag):
             sim.advance(t)
         return np.linalg.norm(alone[0].position - alone[1].position) - 0.4
 
-    low, high = 0.0, 0.4
-    assert gap(low) > 0.0 > gap(high)
+    high = next(t for t in np.linspace(0.0, 0.5, 51) if gap(t) < 0.0)
+    low = high - 0.01
     for _ in range(50):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if gap(middle) > 0.0 else (low, middle)
@@ -331,13 +331,14 @@ def test_friction_of_pairs():
 
 
 def test_moving_collider_drives_a_row():
-    """A wall that moves at V hits the first of a row, and the last one leaves with 2 V."""
+    """A wall that moves at V hits the first of a row again and again, until all leave at 2 V."""
     wall = {**plane((1, 0, 0), (-1.0, 0, 0), name='wall'), 'motion': {
         'linear_velocity': [1.0, 0, 0]}}
     sim = exact([[0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]], radius=0.25, colliders=[wall], dt=0.1)
     sim.advance(1.0)
-    assert np.allclose(sim.velocity[:, 0], [0, 0, 2.0], rtol=0, atol=1e-14)
-    assert np.allclose(sim.position[2, 0], 1.0 + 2.0 * 0.25, rtol=0, atol=1e-13)
+    assert np.allclose(sim.velocity[:, 0], 2.0, rtol=0, atol=1e-14)
+    assert np.allclose(sim.position[:, 0], [0.5, 1.0, 1.5], rtol=0, atol=1e-13)
+    assert hits(sim) == (3, 6)
 
 
 def test_collapse_ends():
