@@ -143,7 +143,7 @@ class EventPairs:
         states[:, RADIUS] = self._matter.radius
         contacts = len(self._memory.whom)
         pile = make_pile(count + contacts, contacts + count, _nobody(count))
-        heap = Heap(np.empty(count), np.empty(count, dtype=np.int64))
+        heap = Heap(np.empty(count), _nobody(count), _nobody(count))
         return (states, links, ways, heap, np.empty(count, dtype=np.int64),
                 np.empty(count, dtype=np.int64), pile, make_room(),
                 np.arange(colliders), np.empty((ROWS, 6)), np.empty((FACES * colliders + 6, MET)))

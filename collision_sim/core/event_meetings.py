@@ -32,7 +32,7 @@ from collision_sim.core.event_cells import cell_number, enter, exit_time, leave
 from collision_sim.core.event_state import (ACCELERATION, AGE, AT, BEAT, BEND, CLOSED, DECAY, END,
                                             ENDS, FREE, HOLDS, KIND, LEAVES, MEETS, MODE,
                                             NEXT_BEST, OTHER, OTHER_AGE, PRESSES, RADIUS, SETTLES,
-                                            spot_at, state_of, three)
+                                            SINCE, spot_at, state_of, three, V, X)
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.meeting import ZERO
 from collision_sim.core.pairs import direction
@@ -177,41 +177,85 @@ def can_meet(gas, i, j):
 
 
 @inlined
-def _look_into(gas, i, t, blur, xi, vi, cell):
-    """Look at whom particle i meets in a cell."""
-    states, links = gas.states, gas.links
-    j = gas.grid.head[cell]
-    while j != NONE:
-        if j != i:
-            time = _meet(gas, i, j, t, blur, xi, vi)
-            if time < states[i, NEXT_BEST] and can_meet(gas, i, j) and (
-                    gas.simple or time <= min(states[i, ENDS], states[j, ENDS])):
-                if time < states[i, MEETS]:
-                    states[i, NEXT_BEST], states[i, MEETS] = states[i, MEETS], time
-                    links[i, OTHER], links[i, OTHER_AGE] = j, links[j, AGE]
-                else:
-                    states[i, NEXT_BEST] = time
-        j = gas.grid.after[j]
-
-
-@inlined
 def _blur_of(gas, xi, vi):
     """Distance [m] that is only rounding of the place of a particle and of those near it."""
     return 4.0 * ROUNDING * (largest(xi) + 4.0 * gas.grid.size + gas.clock[END] * largest(vi))
 
 
+@inlined
+def _look_into(gas, states, links, after, i, t, blur, xi, vi, first, found):
+    """
+    Look at whom particle i meets in a cell.
+
+    Parameters
+    ----------
+    gas, states, links, after
+        Those of event_state.Gas, and what of it is looked at most.
+    i, t, blur, xi, vi
+        Which particle, now, what is only rounding, and its state.
+    first : int
+        First particle in the cell.
+    found : tuple
+        When it meets somebody first, and somebody else, and whom, so far.
+
+    Returns
+    -------
+    found : tuple
+
+    """
+    (best, second, other), j, g = found, first, gas.forces.gravity
+    simple, quick = gas.simple, gas.forces.linear == 0.0
+    fast = quick and (simple or links[i, KIND] == FREE)
+    while j != NONE:
+        if j != i:
+            if fast and (simple or links[j, KIND] == FREE):
+                h = t - states[j, SINCE]
+                half = 0.5 * h * h
+                xj = (states[j, X] + (h * states[j, V] + half * g[0]),
+                      states[j, X + 1] + (h * states[j, V + 1] + half * g[1]),
+                      states[j, X + 2] + (h * states[j, V + 2] + half * g[2]))
+                vj = (states[j, V] + h * g[0], states[j, V + 1] + h * g[1],
+                      states[j, V + 2] + h * g[2])
+                time = t + _meet_straight(gas, states[i, RADIUS] + states[j, RADIUS], blur, xi,
+                                          vi, xj, vj)
+            else:
+                time = _meet(gas, i, j, t, blur, xi, vi)
+            if time < second:
+                if can_meet(gas, i, j) and (simple or time <= min(states[i, ENDS],
+                                                                  states[j, ENDS])):
+                    if time < best:
+                        best, second, other = time, best, j
+                    else:
+                        second = time
+        j = after[j]
+    return best, second, other
+
+
+@inlined
+def _keep(gas, i, found):
+    """Keep when a particle meets somebody."""
+    states, links = gas.states, gas.links
+    if found[0] < states[i, MEETS]:
+        links[i, OTHER], links[i, OTHER_AGE] = found[2], links[found[2], AGE]
+    states[i, MEETS], states[i, NEXT_BEST] = found[0], found[1]
+
+
 @kernel
 def predict(gas, i, t):
     """Find whom particle i meets first from now on, and when it leaves its cell."""
-    links = gas.links
+    states, links, head, after = gas.states, gas.links, gas.grid.head, gas.grid.after
     xi, vi = state_of(gas, i, t)
     blur = _blur_of(gas, xi, vi)
-    gas.states[i, MEETS] = gas.states[i, NEXT_BEST] = inf
+    states[i, MEETS], found = inf, (inf, inf, NONE)
     a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
+    rows, lines, planes = gas.grid.counts[0], gas.grid.counts[1], gas.grid.counts[2]
     for p in range(a - 1, a + 2):
         for q in range(b - 1, b + 2):
+            line = ((p & (rows - 1)) * lines + (q & (lines - 1))) * planes
             for s in range(c - 1, c + 2):
-                _look_into(gas, i, t, blur, xi, vi, cell_number(gas, p, q, s))
+                found = _look_into(gas, states, links, after, i, t, blur, xi, vi,
+                                   head[line + (s & (planes - 1))], found)
+    _keep(gas, i, found)
     _find_exit(gas, i, t, xi, vi)
 
 
@@ -241,17 +285,20 @@ def predict_all(gas):
 @kernel
 def change_cell(gas, i, t):
     """Let particle i change to the cell where it is, and look at those that are near it now."""
-    links = gas.links
+    states, links, head, after = gas.states, gas.links, gas.grid.head, gas.grid.after
     xi, vi = state_of(gas, i, t)
+    blur = _blur_of(gas, xi, vi)
     a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
     leave(gas, i)
     enter(gas, i, xi)
     x, y, z = links[i, AT], links[i, AT + 1], links[i, AT + 2]
     if x != a or y != b or z != c:
+        found = (states[i, MEETS], states[i, NEXT_BEST], links[i, OTHER])
         for p in range(x - 1, x + 2):
             for q in range(y - 1, y + 2):
                 for s in range(z - 1, z + 2):
                     if abs(p - a) > 1 or abs(q - b) > 1 or abs(s - c) > 1:
-                        _look_into(gas, i, t, _blur_of(gas, xi, vi), xi, vi,
-                                   cell_number(gas, p, q, s))
+                        found = _look_into(gas, states, links, after, i, t, blur, xi, vi,
+                                           head[cell_number(gas, p, q, s)], found)
+        _keep(gas, i, found)
     _find_exit(gas, i, t, xi, vi)

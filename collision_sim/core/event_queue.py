@@ -21,7 +21,7 @@ void: who was to be met has got older then, which is seen when the event's turn 
 
 from math import inf
 
-from collision_sim.core.event_state import END, ENDS, LEAVES, MEETS, SEAT
+from collision_sim.core.event_state import END, ENDS, LEAVES, MEETS
 from collision_sim.core.jit import inlined, kernel
 
 BRANCHES = 4
@@ -38,21 +38,21 @@ def _first_of(gas, i):
 @inlined
 def _rise(gas, seat, t, i):
     """Let an event rise from a free seat to where it comes after the one above it."""
-    keys, seats, links = gas.heap.keys, gas.heap.seats, gas.links
+    keys, seats, seat_of = gas.heap.keys, gas.heap.seats, gas.heap.seat_of
     while seat > 0:
         above = (seat - 1) // BRANCHES
         if not t < keys[above]:
             break
         keys[seat], seats[seat] = keys[above], seats[above]
-        links[seats[seat], SEAT] = seat
+        seat_of[seats[seat]] = seat
         seat = above
-    keys[seat], seats[seat], links[i, SEAT] = t, i, seat
+    keys[seat], seats[seat], seat_of[i] = t, i, seat
 
 
 @inlined
 def _sink(gas, seat, t, i):
     """Let an event sink from a free seat to where none below it comes before it."""
-    keys, seats, links = gas.heap.keys, gas.heap.seats, gas.links
+    keys, seats, seat_of = gas.heap.keys, gas.heap.seats, gas.heap.seat_of
     count = keys.shape[0]
     while BRANCHES * seat + 1 < count:
         first = BRANCHES * seat + 1
@@ -63,15 +63,15 @@ def _sink(gas, seat, t, i):
         if not keys[best] < t:
             break
         keys[seat], seats[seat] = keys[best], seats[best]
-        links[seats[seat], SEAT] = seat
+        seat_of[seats[seat]] = seat
         seat = best
-    keys[seat], seats[seat], links[i, SEAT] = t, i, seat
+    keys[seat], seats[seat], seat_of[i] = t, i, seat
 
 
 @kernel
 def seat_at(gas, i, t):
     """Give a particle the seat that belongs to a time [s]."""
-    seat = gas.links[i, SEAT]
+    seat = gas.heap.seat_of[i]
     if t < gas.heap.keys[seat]:
         _rise(gas, seat, t, i)
     elif t > gas.heap.keys[seat]:
@@ -87,9 +87,9 @@ def reseat(gas, i):
 @kernel
 def seat_all(gas):
     """Put all particles into the heap."""
-    keys, seats, links = gas.heap.keys, gas.heap.seats, gas.links
+    keys, seats, seat_of = gas.heap.keys, gas.heap.seats, gas.heap.seat_of
     count = keys.shape[0]
     for i in range(count):
-        keys[i], seats[i], links[i, SEAT] = _first_of(gas, i), i, i
+        keys[i], seats[i], seat_of[i] = _first_of(gas, i), i, i
     for seat in range((count - 2) // BRANCHES, -1, -1):
         _sink(gas, seat, keys[seat], seats[seat])

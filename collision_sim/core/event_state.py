@@ -43,11 +43,11 @@ import numpy as np
 (X, V, SINCE, RADIUS, MEETS, ENDS, LEAVES, LATEST, PACE, FORCED, NEXT_BEST, STATE) = (
     0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16)
 # Columns of the links: previous particle in the cell, number of the cell and its place in the grid;
-# who is met, and the age that it had then; own age: how often its path has changed; seat
-# in the heap; how it moves; collisions without time in between, and in all; round in which it was
+# who is met, and the age that it had then; own age: how often its path has changed;
+# how it moves; collisions without time in between, and in all; round in which it was
 # struck last, and its row there; contact counted; surface that has released it.
-(BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, SEAT, KIND, RAPID, HITS, ROUND, ROW, COUNTED, RELEASED,
- LINK) = (0, 1, 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16)
+(BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, KIND, RAPID, HITS, ROUND, ROW, COUNTED, RELEASED,
+ LINK) = (0, 1, 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16)
 # Kinds: free flight, other paths, straight on from beat to beat, and held by a fail-safe.
 FREE, BOUND, PRESSES, FROZEN = 0, 1, 2, 3
 # Columns of the ways: a path, and how it ends: surface it stops on, one that it is released
@@ -77,10 +77,11 @@ class Grid(NamedTuple):
 
 
 class Heap(NamedTuple):
-    """Times [s] in the order of a heap with four branches, and whose they are, (N,)."""
+    """Times [s] in the order of a heap with four branches, whose they are, and where, (N,)."""
 
     keys: np.ndarray
     seats: np.ndarray
+    seat_of: np.ndarray
 
 
 class Impulses(NamedTuple):
