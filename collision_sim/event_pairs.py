@@ -20,7 +20,8 @@ from collision_sim.core.candidates import NOBODY
 from collision_sim.core.contact_solver import make_pile, make_work
 from collision_sim.core.event_cells import lay_out_grid
 from collision_sim.core.event_loop import BEATS, step_gas
-from collision_sim.core.event_state import CLOCK, Gas, Grid, Heap, Impulses, make_states, NUMBERS, RADIUS
+from collision_sim.core.event_state import (CLOCK, Gas, Grid, Heap, Impulses, make_states,
+                                            NUMBERS, RADIUS)
 from collision_sim.core.extrapolation import ROWS
 from collision_sim.core.joint import make_room
 from collision_sim.core.meeting import MET
@@ -132,8 +133,8 @@ class EventPairs:
             parts.rules, self._forces, parts.table, parts.poses, parts.motion, courses, parts.log,
             parts.accounts, parts.notes, parts.ledger, parts.x, parts.v, everyone,
             np.empty((0, ANSWERS)), NOBODY, self._matter, self._laws, parts.rules.dry or dry,
-            parts.rules.wet or wet, dry, wet, float(self._laws[len(parts.table), RESTITUTION]), self._simple, states,
-            links, ways, np.zeros(CLOCK), np.zeros(NUMBERS, dtype=np.int64), grid, heap, struck,
+            parts.rules.wet or wet, dry, wet, float(self._laws[len(parts.table), RESTITUTION]),
+            self._simple, states, links, ways, np.zeros(CLOCK), np.zeros(NUMBERS, dtype=np.int64), grid, heap, struck,
             pressing, self._memory, pile, room, make_work(self._sweeps, slow), work, met)
 
     def _make_scratch(self, colliders):

@@ -128,6 +128,7 @@ def exit_time(gas, i, t, x, v, bend):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     i : int
         Which particle.
     t : float [s]

@@ -102,7 +102,7 @@ def pressing(gas, i, j, n, t):
 
 @kernel
 def is_slow(gas, i, j, n, t, speed, size):
-    """Whether a hit of two particles at some speed [m/s] is one after which they stay in contact."""
+    """Whether two particles that hit each other at some speed [m/s] stay in contact then."""
     p = pressing(gas, i, j, n, t)
     if not p > 0.0:
         return False
@@ -112,7 +112,7 @@ def is_slow(gas, i, j, n, t, speed, size):
 
 @kernel
 def begin_pressed_path(gas, i, t):
-    """Let a particle that presses go straight on, until it comes to a collider or the next beat."""
+    """Let a particle that presses go straight on, to a collider or the next beat."""
     here, states, ways = spot_at(gas, i), gas.states, gas.ways
     path = Path(FLIES, NOBODY, t, three(states, i, X), three(states, i, V), True, ZERO, 0.0, 0.0,
                 False)
@@ -129,7 +129,7 @@ def begin_pressed_path(gas, i, t):
 
 @kernel
 def _give_up(gas, i, t):
-    """Fail-safe of a particle with too many events in a step: it stays where it is until its end."""
+    """Fail-safe of a particle with too many events in a step: it stays where it is."""
     here, v = spot_at(gas, i), three(gas.states, i, V)
     gas.accounts[i, N_UNDECIDED] += gas.links[i, HITS] == EVENTS
     book(gas.ledger, here, REPULSED, kinetic(v, ZERO))
@@ -197,7 +197,7 @@ def _lean(gas, i, j, t):
 
 @kernel
 def press_on(gas, row, t):
-    """Let a particle of the round press from now on, with all that it leans on or that lean on it."""
+    """Let a particle of the round press from now on, with all that lean on each other there."""
     links, i = gas.links, gas.struck[row]
     a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
     for p in range(a - 1, a + 2):
@@ -472,6 +472,7 @@ def settle_pressed(gas, t):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     t : float [s]
         Now.
 

@@ -19,8 +19,8 @@ A round begins with the first event of the queue, and takes in all that come wit
 contacts at which those that take part approach each other, or a collider, are answered together:
 by joint.collide_group where they hang together, so that the order of the particles means nothing
 and what is symmetric stays so; one alone by Newton's law with the lecture's friction. What then
-approaches makes up the next round, at the same time: in a row at rest the push goes from one to the
-next, and the last one leaves.
+approaches makes up the next round, at the same time: in a row at rest the push goes from one to
+the next, and the last one leaves.
 
 A particle that collides CHATTER times with no time in between has collapsed (of particles that
 lose energy there are infinitely many collisions in a finite time): all that touch then and hang
@@ -273,7 +273,8 @@ def _answer_group(gas, first, count, inelastic):
     """Answer contacts that hang together: at once where they are few, else one by one."""
     if count <= MOST:
         if inelastic:
-            friction = _end_approaches(gas.dry, gas.wet, gas.laws, gas.pile, first, count, gas.room)
+            friction = _end_approaches(gas.dry, gas.wet, gas.laws, gas.pile, first, count,
+                                       gas.room)
         else:
             friction = collide_group(gas.dry, gas.wet, gas.laws, gas.pile, first, count, gas.room)
         gas.accounts[0, N_UNSETTLED] += friction == OPEN
@@ -311,7 +312,7 @@ def _answer_singly(gas, first, count):
 
 @kernel
 def _unite(gas, first, count):
-    """Give all of a group one velocity: that of what nothing moves, if there is such, or the mean."""
+    """Give all of a group one velocity: that of what nothing moves, or else the mean."""
     pile, mass, momentum, fixed = gas.pile, 0.0, ZERO, NONE
     for k in range(count):
         c = pile.member[first + k]
@@ -428,6 +429,7 @@ def list_all(gas, t, lasting, most):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     t : float [s]
         Now.
     lasting : bool
@@ -524,6 +526,7 @@ def play_round(gas, i, t):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     i : int
         Whose event it is.
     t : float [s]

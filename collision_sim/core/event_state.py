@@ -38,14 +38,14 @@ import numpy as np
 
 # Columns of the states: place [m], velocity [m/s], when its path began [s], radius [m]; when it
 # meets another particle, when its path ends, when it leaves its cell, when it collided last [s];
-# guess for a step of the integrator [s]; until when forces have acted on it where it presses [s]; when
-# it would meet somebody else, that was seen when it looked [s].
+# guess for a step of the integrator [s]; until when forces have acted on it where it presses [s];
+# when it would meet somebody else, that was seen when it looked [s].
 (X, V, SINCE, RADIUS, MEETS, ENDS, LEAVES, LATEST, PACE, FORCED, NEXT_BEST, STATE) = (
     0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16)
-# Columns of the links: previous particle in the cell, number of the cell and its place in the grid;
-# who is met, and the age that it had then; own age: how often its path has changed;
-# how it moves; collisions without time in between, and in all; round in which it was
-# struck last, and its row there; contact counted; surface that has released it.
+# Columns of the links: previous particle in the cell, number of the cell, its place in the grid;
+# who is met, and the age that it had then; own age: how often its path has changed; how it moves;
+# collisions without time in between, and rounds in all; round in which it was struck last, and its
+# row there; whether a contact was counted; surface that has released it.
 (BEFORE, CELL, AT, OTHER, OTHER_AGE, AGE, KIND, RAPID, HITS, ROUND, ROW, COUNTED, RELEASED,
  LINK) = (0, 1, 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16)
 # Kinds: free flight, other paths, straight on from beat to beat, and held by a fail-safe.
@@ -54,8 +54,8 @@ FREE, BOUND, PRESSES, FROZEN = 0, 1, 2, 3
 # by; whether it slides without friction; velocity at the end of the step of who is pushed out.
 (MODE, HOLDS, FIRST_X, FIRST_V, CLOSED, ACCELERATION, DECAY, BEND, STIFF, STOPPED, FREED, GLIDING,
  AFTER, WAY) = (0, 1, 4, 7, 10, 11, 14, 15, 16, 17, 18, 19, 20, 24)
-# Entries of the clock [s]: end of the step, when the next beat of those that press begins, how long
-# one is, and when none begins any more.
+# Entries of the clock [s]: end of the step, when the next beat of those that press begins, how
+# long one is, and when none begins any more.
 END, SETTLES, BEAT, LAST, CLOCK = 0, 1, 2, 3, 8
 # Entries of the numbers: rounds so far, particles in this one, those that press, row of the poses.
 ROUNDS, STRUCK, PRESSING, STEP, NUMBERS = 0, 1, 2, 3, 8
@@ -65,8 +65,9 @@ class Grid(NamedTuple):
     """
     Cells of a grid that is wound up: cells a whole turn apart share a number.
 
-    head (M,) int64: first particle of each cell; after (N,) int64: next one in the cell; counts (3,) int64: cells of a turn, powers of
-    two; origin (3,), size [m]: where the grid begins, and the side of a cell.
+    head (M,) int64: first particle of each cell; after (N,) int64: next one in the cell; counts
+    (3,) int64: cells of a turn, powers of two; origin (3,), size [m]: where the grid begins, and
+    the side of a cell.
     """
 
     head: np.ndarray
@@ -105,10 +106,11 @@ class Gas(NamedTuple):
     rules, forces, table, poses, motion, courses, log, accounts, notes, ledger, x, v: as in
     exact.py, each particle a block of its own; everyone, answers, nobody: of Spot; matter; laws
     (2 C + 2, shapes.COLUMNS): those of the colliders and of pairs, and all again with restitution
-    0; dry, wet: whether any has such friction, and pairs; eps: restitution of pairs; simple: whether all fly and meet no
-    collider; states (N, STATE), links (N, LINK), ways (N, WAY); clock, numbers; grid, heap;
-    struck (N,) int64: particles of a round; pressing (N,) int64: those that press; memory; pile,
-    room, sweeps: scratch of what happens at once; work, met: scratch of exact.py.
+    0; dry, wet: whether any has such friction, and pairs; eps: restitution of pairs; simple:
+    whether all fly and meet no collider; states (N, STATE), links (N, LINK), ways (N, WAY); clock,
+    numbers; grid, heap; struck (N,) int64: particles of a round; pressing (N,) int64: those that
+    press; memory; pile, room, sweeps: scratch of what happens at once; work, met: scratch of
+    exact.py.
     """
 
     rules: Rules

@@ -58,6 +58,7 @@ def _end_bound_path(gas, i, t):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     i : int
         Which particle.
     t : float [s]
@@ -147,6 +148,7 @@ def begin_bound_path(gas, i, t):
     Parameters
     ----------
     gas : event_state.Gas
+        The step.
     i : int
         Which particle.
     t : float [s]
@@ -178,8 +180,8 @@ def begin_bound_path(gas, i, t):
 @kernel
 def _wait(gas, i, t):
     """Let a particle wait for the next round."""
-    keep_path(gas, i, Path(FLIES, NOBODY, t, three(gas.states, i, X), three(gas.states, i, V), True,
-                           gas.forces.gravity, 0.0, 0.0, False))
+    x, v = three(gas.states, i, X), three(gas.states, i, V)
+    keep_path(gas, i, Path(FLIES, NOBODY, t, x, v, True, gas.forces.gravity, 0.0, 0.0, False))
     gas.states[i, ENDS], gas.links[i, KIND] = t, BOUND
     gas.ways[i, STOPPED] = gas.ways[i, FREED] = NONE
     gas.ways[i, GLIDING] = 0.0
@@ -219,7 +221,8 @@ def answer_walls(gas, i, t):
     x, v = three(states, i, X), three(states, i, V)
     last = states[i, LATEST]
     hop = (length(gas.forces.gravity) * (t - last) + length(v)) * (t - last)
-    links[i, RAPID] = links[i, RAPID] + 1 if t == last or hop <= HOP * (length(x) + here.way) else 0
+    rapid = t == last or hop <= HOP * (length(x) + here.way)
+    links[i, RAPID] = links[i, RAPID] + 1 if rapid else 0
     states[i, LATEST], links[i, RELEASED] = t, NONE
     if count > 1 and _is_squeezed(here, gas.courses, gas.poses, met, count, t, x, v):
         freeze_to(gas, i, surface_of(met, 0), t)

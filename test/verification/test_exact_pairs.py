@@ -342,7 +342,7 @@ def test_moving_collider_drives_a_row():
 
 
 def test_collapse_ends():
-    """Three that lose nearly all energy collapse: the hits end, and nobody is led through others."""
+    """Three that lose nearly all energy collapse: the hits end, nobody is led through others."""
     sim = exact([[0, 0, 0], [1.1, 0, 0], [2.3, 0, 0]], [[1, 0, 0], [0, 0, 0], [-1, 0, 0]],
                 restitution=0.05, dt=1.0)
     sim.advance(5.0)
@@ -379,7 +379,7 @@ def test_superball():
 
 
 def test_balls_roll_apart_on_a_plane():
-    """A ball that slides on a smooth plane hits one at rest: the speeds change, the plane holds."""
+    """A ball that slides on a smooth plane hits one at rest; the plane holds both."""
     sim = exact([[0, 0, 0.5], [2.0, 0, 0.5]], [[1, 0, 0], [0, 0, 0]], gravity=FALL,
                 colliders=[plane()], restitution=0.5, dt=0.1)
     sim.advance(2.0)
