@@ -134,8 +134,9 @@ class EventPairs:
             parts.accounts, parts.notes, parts.ledger, parts.x, parts.v, everyone,
             np.empty((0, ANSWERS)), NOBODY, self._matter, self._laws, parts.rules.dry or dry,
             parts.rules.wet or wet, dry, wet, float(self._laws[len(parts.table), RESTITUTION]),
-            self._simple, states, links, ways, np.zeros(CLOCK), np.zeros(NUMBERS, dtype=np.int64), grid, heap, struck,
-            pressing, self._memory, pile, room, make_work(self._sweeps, slow), work, met)
+            self._simple, states, links, ways, np.zeros(CLOCK),
+            np.zeros(NUMBERS, dtype=np.int64), grid, heap, struck, pressing, self._memory,
+            pile, room, make_work(self._sweeps, slow), work, met)
 
     def _make_scratch(self, colliders):
         """Allocate what the kernel works with."""
