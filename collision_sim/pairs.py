@@ -93,9 +93,6 @@ def read_pairs(value, particles, stepping) -> Pairs | None:
     section = read_section(value, 'pairs', ('restitution', 'friction'))
     pairs = Pairs(read_leaves(section, 'pairs', {'restitution': RESTITUTION}).get('restitution'),
                   read_friction(section.get('friction'), 'pairs.friction'))
-    if stepping.method == 'exact':
-        raise SceneError('stepping.method', 'exact', 'does not go with pairs; take '
-                         'collision_then_contact, second_order_contact, multi_pass or single_pass')
     if len(particles.position) and not np.any(particles.radius):
         raise SceneError('particles.radius', 0.0, 'must be above 0 for some particles with pairs: '
                                                   'points never meet')

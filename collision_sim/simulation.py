@@ -124,7 +124,11 @@ class Simulation:
         self._log, self._logs = np.zeros((blocks, 0, LOG)), False
         self._books = Books(blocks, len(scene.colliders)) if ledger else None
         self._radius = _radii(scene.particles.radius)
-        self._coupling = _coupling(scene) if scene.pairs or scene.springs else None
+        exact = scene.stepping.method == 'exact'
+        self._event_pairs = _event_pairs(scene) if scene.pairs and exact else None
+        self._coupling = None
+        if (scene.pairs or scene.springs) and not exact:
+            self._coupling = _coupling(scene)
         self._adopt(scene)
         self._reset()
 
@@ -132,7 +136,7 @@ class Simulation:
     def _size_of_blocks(scene):
         """Particles of a block."""
         if scene.stepping.method == 'exact':
-            return EVENT_BLOCK
+            return 1 if scene.pairs else EVENT_BLOCK
         if scene.pairs or scene.springs:
             return BLOCK
         return block_size(len(scene.particles.position))
@@ -146,6 +150,8 @@ class Simulation:
         if self._coupling:
             self._coupling.adopt_rules(self._part(scene), self._rules)
         self._forces = acting_forces(scene) if scene.stepping.method == 'exact' else None
+        if self._event_pairs:
+            self._event_pairs.adopt(scene, self._forces)
         self._ledger = refer(self._books.ledger(scene) if self._books else NO_LEDGER)
         self._nobody = refer(NOBODY)
         self._planned = None        # for which layout of the colliders there is a crew
@@ -174,6 +180,8 @@ class Simulation:
         self._colliders.reset()
         if self._coupling:
             self._coupling.reset()
+        if self._event_pairs:
+            self._event_pairs.forget()
         if self._books:
             self._books.clear()
 
@@ -441,7 +449,10 @@ class Simulation:
         if self.record_contacts != self._logs:
             self._lay_out_log()
         colliders = self._colliders
-        if self._forces is not None:
+        if self._event_pairs is not None:
+            self._event_pairs.step(dt, steps, self._parts(rules, colliders.poses,
+                                                          colliders.motion), colliders.courses)
+        elif self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
             share(step_events, self._threads if len(self._accounts) > 1 else 1,
                   refer(self._world(rules)), self._forces, dt, steps, colliders.courses)
@@ -607,6 +618,12 @@ def _coupling(scene):
     """Give what couples the particles; it is imported only where something does."""
     from collision_sim.coupling import Coupling
     return Coupling(scene)
+
+
+def _event_pairs(scene):
+    """Give what takes particles from collision to collision; imported only where needed."""
+    from collision_sim.event_pairs import EventPairs
+    return EventPairs(scene)
 
 
 def _times(mass, amount):

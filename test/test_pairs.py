@@ -79,7 +79,6 @@ def test_parameters_of_pairs_change():
     ({'pairs': {'friction': {'dry': -1}}}, 'pairs.friction.dry'),
     ({'pairs': {'bounce': 1}}, 'pairs.bounce'),
     ({'pairs': 3}, 'pairs'),
-    ({'stepping': {'method': 'exact'}}, 'stepping.method'),
     ({'particles': {'position': [[0, 0, 0]]}}, 'particles.radius')])
 def test_what_is_refused(sections, key):
     """The error names the key."""

@@ -24,7 +24,7 @@ import pytest
 from small_scenes import EPSILON, G, METHODS, plane, simulate, UPRIGHT
 
 KEYS = ['collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided',
-        'pair_collisions', 'pair_contacts', 'frozen', 'unsettled']
+        'pair_collisions', 'pair_contacts', 'frozen', 'unsettled', 'collapsed']
 QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
 
 

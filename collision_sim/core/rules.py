@@ -30,13 +30,14 @@ COLLISION, SLIDE, STICK, REPULSION = 1, 2, 3, 4         # states of a contact
 STATES = {COLLISION: 'collision', SLIDE: 'slide', STICK: 'stick', REPULSION: 'repulsion'}
 
 COUNTERS = ('collisions', 'contacts', 'repulsions', 'fail_safes', 'unplaced', 'undecided',
-            'pair_collisions', 'pair_contacts', 'frozen', 'unsettled')
+            'pair_collisions', 'pair_contacts', 'frozen', 'unsettled',
+            'collapsed')
 (N_COLLISION, N_CONTACT, N_REPULSION, N_FAIL_SAFE, N_UNPLACED, N_UNDECIDED, N_PAIR_COLLISION,
- N_PAIR_CONTACT, N_FROZEN, N_UNSETTLED) = range(10)
+ N_PAIR_CONTACT, N_FROZEN, N_UNSETTLED, N_COLLAPSED) = range(11)
 # Columns of the accounts (blocks, ACCOUNTS): counters; rows of the log; where particles act on
 # each other, rows that each has in the log and the number of the step, else 0; and room, so that
 # what threads write is not in one cache line.
-N_LOGGED, N_ROWS, N_STEP, ACCOUNTS = 10, 11, 12, 24
+N_LOGGED, N_ROWS, N_STEP, ACCOUNTS = 11, 12, 13, 24
 
 # Columns of the log of contacts (blocks, rows, LOG), None when nobody wants it: particle,
 # collider, state, point [m], normal, change of velocity [m/s]; and of the notes

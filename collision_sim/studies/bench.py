@@ -15,7 +15,7 @@
 """
 `collision_sim bench`: run times of known works, beside other toolkits, and what features cost.
 
-Writes bench.csv, features.csv and bench.md.
+Writes bench.csv, features.csv, events.csv and bench.md.
 """
 
 import argparse
@@ -26,7 +26,7 @@ import sys
 from tempfile import TemporaryDirectory
 
 from collision_sim.listener import heard
-from collision_sim.studies import bench_features, bench_machine, bench_peers
+from collision_sim.studies import bench_events, bench_features, bench_machine, bench_peers
 from collision_sim.studies.bench_report import Report
 from collision_sim.studies.bench_tables import write_csv
 from collision_sim.studies.bench_works import moves, WORKS
@@ -35,7 +35,8 @@ from tqdm import tqdm
 
 DESCRIPTION = """\
 Measure known works in ns a particle-step and as a share of the memory bandwidth, the time to the
-first step of a warm start, the memory of a particle, and what each feature of a scene costs.
+first step of a warm start, the memory of a particle, what each feature of a scene costs, and the
+events a second of hard balls that go from collision to collision (`exact` with pairs).
 With --peers, toolkits that are installed do the same works in turn with this one; what is missing
 or cannot do a work is listed with the reason. Ctrl-C ends the measurements and shows what is
 done. Let the machine do nothing else meanwhile."""
@@ -48,7 +49,7 @@ examples:
   collision_sim bench --peers --out bench           # half an hour
   collision_sim bench --parts works --works 1 2 --sizes 1e4 1e5 --threads 1 2
   collision_sim bench --parts works --peers warp taichi"""
-PARTS = ('start', 'works', 'features')
+PARTS = ('start', 'works', 'features', 'events')
 SIZES, QUICK_SIZES = (10 ** 3, 10 ** 4, 10 ** 5, 10 ** 6), (10 ** 3, 10 ** 4)
 REPEATS, QUICK_REPEATS = 7, 2
 FEATURES, QUICK_FEATURES = 10 ** 5, 5000    # particles of the scene of features
@@ -86,7 +87,7 @@ def add_arguments(parser):
     parser.add_argument('--quick', action='store_true',
                         help='fewer particles and turns, for a first look')
     parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='folder for bench.csv, features.csv and bench.md')
+                        help='folder for bench.csv, features.csv, events.csv and bench.md')
 
 
 def codes_of(arguments, work):
@@ -113,6 +114,9 @@ def measure(arguments, report, folder):
     if 'features' in arguments.parts:
         count = QUICK_FEATURES if quick else FEATURES
         report.features = bench_features.measure(count, arguments.threads[-1], repeats, folder)
+    if 'events' in arguments.parts:
+        counts = bench_events.QUICK_SIZES if quick else bench_events.SIZES
+        report.events = bench_events.measure(arguments.sizes or counts, repeats)
 
 
 def measure_works(arguments, repeats, report, folder):
@@ -130,7 +134,8 @@ def measure_works(arguments, repeats, report, folder):
 
 def write(folder, report):
     """Write the files."""
-    for name, rows in (('bench.csv', report.rows), ('features.csv', report.features)):
+    for name, rows in (('bench.csv', report.rows), ('features.csv', report.features),
+                       ('events.csv', report.events)):
         if rows:
             write_csv(folder / name, rows)
     write_text(folder / 'bench.md', report.text() + '\n')

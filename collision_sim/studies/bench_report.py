@@ -17,18 +17,23 @@
 import os
 import platform
 
-from collision_sim.studies import bench_peers
+from collision_sim.studies import bench_events, bench_peers
 from collision_sim.studies.bench_tables import aligned, figure, size
 from collision_sim.studies.bench_works import WORKS
 import numba
 import numpy as np
+
+ABOUT_EVENTS = (f'Balls of restitution 1 that fill a box to {bench_events.PACKING:g}, without '
+                'gravity, by `exact`; on one thread. Fixed steps are those of '
+                '`collision_then_contact` on the same balls in the same run.')
 
 
 class Report:
     """What has been measured, so that an interruption keeps it."""
 
     def __init__(self):
-        self.rows, self.features, self.rates, self.start, self.memory = [], [], {}, None, None
+        self.rows, self.features, self.events, self.rates = [], [], [], {}
+        self.start = self.memory = None
 
     def text(self):
         """Give the report in Markdown."""
@@ -45,6 +50,9 @@ class Report:
                                    *peer_table(rows), *remarks(rows)])
         if self.features:
             yield f'## What each feature costs\n\n{feature_table(self.features)}'
+        if self.events:
+            yield ('## Hard balls from collision to collision\n\n'
+                   f'{bench_events.table(self.events)}\n\n{ABOUT_EVENTS}')
 
     def _facts(self):
         for threads, rate in self.rates.items():
