@@ -16,7 +16,6 @@
 
 from math import ceil
 
-from collision_sim.core.candidates import NOBODY
 from collision_sim.core.contact_solver import make_pile, make_work
 from collision_sim.core.event_cells import lay_out_grid
 from collision_sim.core.event_loop import BEATS, step_gas
@@ -81,7 +80,7 @@ class EventPairs:
         """Forget the impulses of the last step."""
         self._memory.head[:] = NONE
 
-    def step(self, dt, steps, parts, courses):
+    def step(self, dt, steps, world, courses):
         """
         Take the particles through some steps.
 
@@ -91,7 +90,7 @@ class EventPairs:
             Length of a step.
         steps : int
             How many.
-        parts : plan.Parts
+        world : world.World
             Of the steps.
         courses : (S, C, COURSE) float64
             How the colliders move.
@@ -100,9 +99,9 @@ class EventPairs:
         if not len(self._matter.radius):
             return
         if self._simple:
-            stretches = self._stretches(steps * dt, parts.x, parts.v)
+            stretches = self._stretches(steps * dt, world.x, world.v)
             dt, steps = steps * dt / stretches, stretches
-        gas = refer(self._gas(dt, parts, courses))
+        gas = refer(self._gas(dt, world, courses))
         step_gas(gas, dt, steps)
 
     def _stretches(self, duration, x, v):
@@ -116,24 +115,23 @@ class EventPairs:
                    STRETCH * 1e-3 * float(self._matter.radius.max()))
         return max(1, ceil(way / size))
 
-    def _gas(self, dt, parts, courses):
+    def _gas(self, dt, world, courses):
         """Give all that the kernel needs."""
         if self._scratch is None:
-            self._scratch = self._make_scratch(len(parts.table))
+            self._scratch = self._make_scratch(len(world.table))
         (states, links, ways, heap, struck, pressing, pile, room, everyone, work,
          met) = self._scratch
         count = len(states)
         origin, size, counts = lay_out_grid(
-            parts.x, 2.0 * float(self._matter.radius.max()), 8 * count)
+            world.x, 2.0 * float(self._matter.radius.max()), 8 * count)
         grid = Grid(np.empty(int(counts.prod()), dtype=np.int64), np.empty(count, dtype=np.int64),
                     counts, origin, size)
         dry, wet = self._frictions
         slow = 2.0 * float(np.linalg.norm(self._forces.gravity)) * dt / BEATS
         return Gas(
-            parts.rules, self._forces, parts.table, parts.poses, parts.motion, courses, parts.log,
-            parts.accounts, parts.notes, parts.ledger, parts.x, parts.v, everyone,
-            np.empty((0, ANSWERS)), NOBODY, self._matter, self._laws, parts.rules.dry or dry,
-            parts.rules.wet or wet, dry, wet, float(self._laws[len(parts.table), RESTITUTION]),
+            refer(world), self._forces, courses, everyone, np.empty((0, ANSWERS)),
+            self._matter, self._laws, world.rules.dry or dry,
+            world.rules.wet or wet, dry, wet, float(self._laws[len(world.table), RESTITUTION]),
             self._simple, states, links, ways, np.zeros(CLOCK),
             np.zeros(NUMBERS, dtype=np.int64), grid, heap, struck, pressing, self._memory,
             pile, room, make_work(self._sweeps, slow), work, met)

@@ -450,8 +450,7 @@ class Simulation:
             self._lay_out_log()
         colliders = self._colliders
         if self._event_pairs is not None:
-            self._event_pairs.step(dt, steps, self._parts(rules, colliders.poses,
-                                                          colliders.motion), colliders.courses)
+            self._event_pairs.step(dt, steps, self._world(rules), colliders.courses)
         elif self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
             share(step_events, self._threads if len(self._accounts) > 1 else 1,

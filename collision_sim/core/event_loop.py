@@ -47,8 +47,8 @@ BEATS = 8               # of a step, in which those that press on each other go 
 def _begin_particle(gas, i):
     """Begin the step of a particle."""
     states, links = gas.states, gas.links
-    put_three(states, i, X, column(gas.x, i))
-    put_three(states, i, V, column(gas.v, i))
+    put_three(states, i, X, column(gas.world.x, i))
+    put_three(states, i, V, column(gas.world.v, i))
     states[i, SINCE], states[i, LATEST] = 0.0, -1.0
     states[i, MEETS] = states[i, ENDS] = states[i, LEAVES] = inf
     links[i, AGE] = links[i, RAPID] = links[i, HITS] = links[i, COUNTED] = 0
@@ -65,7 +65,7 @@ def _begin(gas):
     for i in range(gas.states.shape[0]):
         _begin_particle(gas, i)
         if not gas.simple:
-            gas.accounts[i, N_LOGGED] = 0
+            gas.world.accounts[i, N_LOGGED] = 0
             start_bound(gas, i)
             if gas.links[i, KIND] == BOUND:
                 begin_bound_path(gas, i, 0.0)
@@ -80,15 +80,15 @@ def _end(gas):
     """End a step: all paths are followed up to then."""
     end = gas.clock[END]
     for i in range(gas.states.shape[0]):
-        x0 = column(gas.x, i)
+        x0 = column(gas.world.x, i)
         bring_up(gas, i, end)
         if not gas.simple:
             settle_walls(gas, i, x0)
         x, v = three(gas.states, i, X), three(gas.states, i, V)
         if not is_finite(x, v):
-            x, v = freeze(gas.accounts, i, x0)
-        put(gas.x, i, x)
-        put(gas.v, i, v)
+            x, v = freeze(gas.world.accounts, i, x0)
+        put(gas.world.x, i, x)
+        put(gas.world.v, i, v)
 
 
 @kernel

@@ -114,7 +114,7 @@ def bend_of_path(gas, i, t, v):
     if int(ways[i, MODE]) == RESTS:
         here, c = spot_at(gas, i), int(ways[i, HOLDS]) // FACES
         x, _ = state_of(gas, i, t)
-        a = frame_acceleration(gas.courses, gas.poses, here, c, t, x, ZERO)
+        a = frame_acceleration(gas.courses, gas.world.poses, here, c, t, x, ZERO)
         spin = spin_rate(gas.courses, here, c)
         return a, (largest_jerk(gas.courses, here, c) + spin * length(a)) * h + (
             2.0 * spin * length(v) * spin)
@@ -151,7 +151,7 @@ def _meet_bent(gas, i, j, t, end):
         if not t + step < end or (both and t + step >= soon and rate * rate <= slow * slow):
             return inf
         t += max(step, EPSILON * end)
-    gas.accounts[i, N_UNDECIDED] += 1
+    gas.world.accounts[i, N_UNDECIDED] += 1
     return t
 
 

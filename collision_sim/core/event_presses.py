@@ -85,8 +85,9 @@ def _acceleration(gas, i, t):
         return ZERO
     here, path = spot_at(gas, i), path_of(gas, i)
     if path.mode == RESTS:
-        return frame_acceleration(gas.courses, gas.poses, here, path.holds[0] // FACES, t, x, ZERO)
-    return held(gas.rules, f, here, gas.table, gas.poses, gas.courses, path.holds, t, x, v)[0]
+        c = path.holds[0] // FACES
+        return frame_acceleration(gas.courses, gas.world.poses, here, c, t, x, ZERO)
+    return held(gas.world, f, here, gas.courses, path.holds, t, x, v)[0]
 
 
 @kernel
@@ -122,8 +123,7 @@ def begin_pressed_path(gas, i, t):
     end = min(gas.clock[SETTLES], gas.clock[END])
     states[i, ENDS] = inf
     if end > t:
-        hit = _first_hit(gas.rules, gas.forces, here, gas.table, gas.poses, gas.courses, gas.work,
-                         gas.accounts, path, end)
+        hit = _first_hit(gas.world, gas.forces, here, gas.courses, gas.work, path, end)
         states[i, ENDS] = hit if hit < end else inf
 
 
@@ -131,8 +131,8 @@ def begin_pressed_path(gas, i, t):
 def _give_up(gas, i, t):
     """Fail-safe of a particle with too many events in a step: it stays where it is."""
     here, v = spot_at(gas, i), three(gas.states, i, V)
-    gas.accounts[i, N_UNDECIDED] += gas.links[i, HITS] == EVENTS
-    book(gas.ledger, here, REPULSED, kinetic(v, ZERO))
+    gas.world.accounts[i, N_UNDECIDED] += gas.links[i, HITS] == EVENTS
+    book(gas.world.ledger, here, REPULSED, kinetic(v, ZERO))
     put_three(gas.states, i, V, ZERO)
     keep_path(gas, i, Path(FLIES, NOBODY, t, three(gas.states, i, X), ZERO, True, ZERO, 0.0, 0.0,
                            False))
@@ -254,7 +254,7 @@ def _list_near(gas, row, i, j, t, h, count):
     if distance > near + h * (2.0 * brisk(gas) + max(-dot(n, u), 0.0)) or not can_meet(gas, i, j):
         return count
     if count >= gas.pile.ends.shape[0]:
-        gas.accounts[i, N_UNDECIDED] += 1
+        gas.world.accounts[i, N_UNDECIDED] += 1
         return count
     if gas.links[j, ROUND] != gas.numbers[ROUNDS]:      # who cannot be moved, and moves on
         take_in(gas, j)
@@ -263,7 +263,7 @@ def _list_near(gas, row, i, j, t, h, count):
     gap = distance - size
     if abs(gap) <= ROUNDING * (largest(x) + largest(y) + size):
         gap = 0.0
-    _begin_contact(gas, count, row, gas.links[j, ROW], gas.table.shape[0],
+    _begin_contact(gas, count, row, gas.links[j, ROW], gas.world.table.shape[0],
                    j if distance <= near else -2 - j, n, gap, h)
     return count + 1
 
@@ -288,9 +288,10 @@ def _list_others(gas, row, t, h, count):
 @inlined
 def chord_rise(gas, c, face, w, n, radius, h):
     """Speed [m/s] off a round wall around a particle at which a chord ends on the wall again."""
-    if gas.table[c, SIDE] > 0.0 or is_flat(gas.table, c, face, gas.table[c, SIDE]):
+    table = gas.world.table
+    if table[c, SIDE] > 0.0 or is_flat(table, c, face, table[c, SIDE]):
         return 0.0
-    space = max(gas.table[c, SIZE] - radius, EPSILON * gas.table[c, SIZE])
+    space = max(gas.world.table[c, SIZE] - radius, EPSILON * gas.world.table[c, SIZE])
     along = add_scaled(w, -dot(w, n), n)
     return 0.5 * h * dot(along, along) / space
 
@@ -298,19 +299,19 @@ def chord_rise(gas, c, face, w, n, radius, h):
 @kernel
 def _list_colliders(gas, row, t, h, count, bodies):
     """List the colliders that a particle may come to touch in a beat; contacts, bodies then."""
-    i, table, here = gas.struck[row], gas.table, spot_at(gas, gas.struck[row])
+    i, table, here = gas.struck[row], gas.world.table, spot_at(gas, gas.struck[row])
     x, v = three(gas.states, i, X), three(gas.states, i, V)
     for c in range(table.shape[0]):
         side = table[c, SIDE]
-        obj = scaled(1.0 / h, subtract(carried(gas.courses, gas.poses, here, c, x, t, t + h), x))
+        later = carried(gas.courses, gas.world.poses, here, c, x, t, t + h)
+        obj = scaled(1.0 / h, subtract(later, x))
         for face in range(faces(table, c, side)):
-            gap, slope, n = gap_to(here, table, gas.poses, gas.courses, c, face, side, here.radius,
-                                   t, x)
+            gap, slope, n = gap_to(gas.world, here, gas.courses, c, face, side, here.radius, t, x)
             w = subtract(v, obj)
             if gap > h * (2.0 * brisk(gas) + max(-dot(n, w), 0.0)) + TIE * here.radius or (
                     count >= gas.pile.ends.shape[0] or bodies >= gas.pile.bodies.shape[0]):
                 continue
-            if abs(gap) <= touching_depth(table, gas.poses, here, c, x):
+            if abs(gap) <= touching_depth(gas.world, here, c, x):
                 gap = 0.0
             gas.pile.bodies[bodies, INVERSE] = 0.0
             put_at(gas.pile.bodies, bodies, UNPUSHED, obj)
@@ -384,7 +385,7 @@ def _solve_all(gas, count, pairs, bodies):
         first, size = 0 + pile.group[g], pile.group[g + 1] - pile.group[g]
         if size <= MOST:
             friction = _end_approaches(gas.dry, gas.wet, gas.laws, pile, first, size, gas.room)
-            gas.accounts[0, N_UNSETTLED] += friction == OPEN
+            gas.world.accounts[0, N_UNSETTLED] += friction == OPEN
     if large > 0:
         sweeps = gas.sweeps
         sweeps.progress[:] = 0
@@ -404,13 +405,13 @@ def _solve_all(gas, count, pairs, bodies):
 @inlined
 def _book_forces(gas, i, h, work, after):
     """Book what forces, colliders and other particles do to a particle in a beat."""
-    if is_kept(gas.ledger):
+    if is_kept(gas.world.ledger):
         here, v = spot_at(gas, i), three(gas.states, i, V)
         drag = scaled(h, subtract(pull(gas.forces, v), gas.forces.gravity))
-        _book_momentum(gas.ledger, here, scaled(h, gas.forces.gravity), drag)
+        _book_momentum(gas.world.ledger, here, scaled(h, gas.forces.gravity), drag)
         slowed = dot(drag, v)
-        book(gas.ledger, here, DRAG, slowed)
-        book(gas.ledger, here, INTERNAL, kinetic(v, after) - work - slowed)
+        book(gas.world.ledger, here, DRAG, slowed)
+        book(gas.world.ledger, here, INTERNAL, kinetic(v, after) - work - slowed)
 
 
 @kernel
@@ -427,7 +428,7 @@ def _hand_on(gas, own, count, pairs, end):
         if c < pairs:
             if acts or pile.source[c] >= 0:
                 pile.order[row] = pile.order[other] = 1
-            gas.accounts[i, N_PAIR_CONTACT] += acts
+            gas.world.accounts[i, N_PAIR_CONTACT] += acts
         elif acts and pile.order[row] == 1:
             here, wall = spot_at(gas, i), pile.source[c]
             dv, obj = scaled(gas.matter.inverse[i], impulse), at(pile.bodies, other, UNPUSHED)
@@ -437,9 +438,9 @@ def _hand_on(gas, own, count, pairs, end):
                 dv, w = add(dv, left), add(w, left)
                 put_at(pile.bodies, row, ENDING, add(w, obj))
             slip = length(add_scaled(w, -dot(w, n), n))
-            record(gas.log, gas.accounts, here, wall,
-                   STICK if slip <= 1e-9 * brisk(gas) else SLIDE, three(states, i, X), n, dv)
-            book_impulse(gas.ledger, here, wall, dot(dv, obj), dv)
+            record(gas.world, here, wall, STICK if slip <= 1e-9 * brisk(gas) else SLIDE,
+                   three(states, i, X), n, dv)
+            book_impulse(gas.world.ledger, here, wall, dot(dv, obj), dv)
             pile.work[row] += dot(dv, obj)
     for row in range(own):
         i = gas.struck[row]

@@ -159,13 +159,13 @@ def _list_touch(gas, row, i, j, t, count, lasting):
     if not (lasting or dot(n, u) < -least_closing(gas, i, j, v, w)):
         return count
     if count >= gas.pile.ends.shape[0]:
-        gas.accounts[i, N_UNDECIDED] += 1
+        gas.world.accounts[i, N_UNDECIDED] += 1
         return count
     take_in(gas, j)
-    pile, law = gas.pile, gas.table.shape[0]
+    pile, law = gas.pile, gas.world.table.shape[0]
     if not gas.simple:
         if is_slow(gas, i, j, n, t, -dot(n, u), size):
-            law += gas.table.shape[0] + 1
+            law += gas.world.table.shape[0] + 1
     pile.ends[count, FIRST], pile.ends[count, SECOND] = row, gas.links[j, ROW]
     pile.ends[count, LAW_ROW], pile.source[count] = law, NONE
     put_at(pile.contacts, count, NORMAL, n)
@@ -211,14 +211,14 @@ def list_walls(gas, row, t, first, count, lasting):
         if (lasting or gas.met[k, SPEED] < 0.0) and count < gas.pile.ends.shape[0] and (
                 first + k < gas.pile.bodies.shape[0]):
             c, body = surface_of(gas.met, k) // FACES, first + k
-            obj = material_velocity(gas.courses, gas.poses, spot_at(gas, i), c, t,
+            obj = material_velocity(gas.courses, gas.world.poses, spot_at(gas, i), c, t,
                                     three(gas.states, i, X))
             gas.pile.bodies[body, INVERSE] = 0.0
             put_at(gas.pile.bodies, body, UNPUSHED, obj)
             put_at(gas.pile.bodies, body, ENDING, obj)
             law, rise, n = c, 0.0, facing(gas.met, k)
             if gas.links[i, KIND] == PRESSES and -gas.met[k, SPEED] <= brisk(gas):
-                law += gas.table.shape[0] + 1
+                law += gas.world.table.shape[0] + 1
                 rest = min(gas.clock[SETTLES], gas.clock[END]) - t
                 w, face = subtract(three(gas.states, i, V), obj), surface_of(gas.met, k) % FACES
                 if gas.links[i, RAPID] < PATIENCE:
@@ -235,7 +235,7 @@ def change_velocity(gas, i, after, work):
     """Give a particle another velocity; `work` [J/kg] is what colliders have done to it."""
     before = three(gas.states, i, V)
     put_three(gas.states, i, V, after)
-    book(gas.ledger, spot_at(gas, i), INTERNAL, kinetic(before, after) - work)
+    book(gas.world.ledger, spot_at(gas, i), INTERNAL, kinetic(before, after) - work)
 
 
 @inlined
@@ -252,7 +252,7 @@ def _collide_two(gas, i, j, n, law):
     total = inverse[i] + inverse[j]
     change_velocity(gas, i, add_scaled(vi, inverse[i] / total, dv), 0.0)
     change_velocity(gas, j, add_scaled(vj, -inverse[j] / total, dv), 0.0)
-    gas.accounts[i, N_PAIR_COLLISION] += 1
+    gas.world.accounts[i, N_PAIR_COLLISION] += 1
 
 
 @kernel
@@ -277,9 +277,9 @@ def _answer_group(gas, first, count, inelastic):
                                        gas.room)
         else:
             friction = collide_group(gas.dry, gas.wet, gas.laws, gas.pile, first, count, gas.room)
-        gas.accounts[0, N_UNSETTLED] += friction == OPEN
+        gas.world.accounts[0, N_UNSETTLED] += friction == OPEN
         return
-    gas.accounts[0, N_UNSETTLED] += 1
+    gas.world.accounts[0, N_UNSETTLED] += 1
     if inelastic:
         _unite(gas, first, count)
     else:
@@ -362,7 +362,7 @@ def take_over(gas, count, pairs, t):
         row = pile.ends[c, FIRST]
         i = gas.struck[row]
         if c < pairs:
-            gas.accounts[i, N_PAIR_COLLISION] += dot(impulse, n) > 0.0
+            gas.world.accounts[i, N_PAIR_COLLISION] += dot(impulse, n) > 0.0
             continue
         wall, here = pile.source[c], spot_at(gas, i)
         dv = scaled(gas.matter.inverse[i], impulse)
@@ -374,10 +374,10 @@ def take_over(gas, count, pairs, t):
             put_at(pile.bodies, row, ENDING, after)
         if not dot(dv, n) > 0.0:
             continue
-        record(gas.log, gas.accounts, here, wall, COLLISION, three(gas.states, i, X), n, dv)
-        book_impulse(gas.ledger, here, wall, dot(dv, obj), dv)
+        record(gas.world, here, wall, COLLISION, three(gas.states, i, X), n, dv)
+        book_impulse(gas.world.ledger, here, wall, dot(dv, obj), dv)
         pile.work[pile.ends[c, FIRST]] += dot(dv, obj)
-        gas.accounts[i, N_COLLISION] += 1
+        gas.world.accounts[i, N_COLLISION] += 1
     for row in range(gas.numbers[STRUCK]):
         i = gas.struck[row]
         if gas.matter.inverse[i] > 0.0:
@@ -473,7 +473,7 @@ def _is_calm(gas, count, t):
     """Whether all that approaches in a round does so slowly, and is held by others."""
     presses = False
     for c in range(count):
-        if gas.pile.ends[c, LAW_ROW] == gas.table.shape[0]:
+        if gas.pile.ends[c, LAW_ROW] == gas.world.table.shape[0]:
             return False
     for row in range(gas.numbers[STRUCK]):
         presses = presses or gas.links[gas.struck[row], KIND] == PRESSES
@@ -555,5 +555,5 @@ def play_round(gas, i, t):
         _collide_two(gas, a, b, at(gas.pile.contacts, 0, NORMAL), gas.pile.ends[0, LAW_ROW])
     elif count > 0 or not gas.simple:
         _answer_together(gas, count, collapsed or calm, t)
-    gas.accounts[0, N_COLLAPSED] += collapsed
+    gas.world.accounts[0, N_COLLAPSED] += collapsed
     go_on(gas, t)

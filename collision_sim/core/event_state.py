@@ -27,13 +27,13 @@ from typing import NamedTuple
 from collision_sim.core.contact_solver import Pile, Work
 from collision_sim.core.jit import inlined, kernel
 from collision_sim.core.joint import Room
-from collision_sim.core.ledger import Ledger
 from collision_sim.core.pairs import Matter
 from collision_sim.core.paths import decay, Path, state_at
-from collision_sim.core.rules import NONE, Rules
+from collision_sim.core.rules import NONE
 from collision_sim.core.surfaces import Spot
 from collision_sim.core.sustained import Forces, smooth
 from collision_sim.core.vectors import add_scaled, length
+from collision_sim.core.world import World
 import numpy as np
 
 # Columns of the states: place [m], velocity [m/s], when its path began [s], radius [m]; when it
@@ -103,8 +103,8 @@ class Gas(NamedTuple):
     """
     A step with everything in it.
 
-    rules, forces, table, poses, motion, courses, log, accounts, notes, ledger, x, v: as in
-    exact.py, each particle a block of its own; everyone, answers, nobody: of Spot; matter; laws
+    world, forces, courses: as in exact.py, each particle a block of its own; everyone, answers:
+    of Spot; matter; laws
     (2 C + 2, shapes.COLUMNS): those of the colliders and of pairs, and all again with restitution
     0; dry, wet: whether any has such friction, and pairs; eps: restitution of pairs; simple:
     whether all fly and meet no collider; states (N, STATE), links (N, LINK), ways (N, WAY); clock,
@@ -113,21 +113,11 @@ class Gas(NamedTuple):
     exact.py.
     """
 
-    rules: Rules
+    world: World
     forces: Forces
-    table: np.ndarray
-    poses: np.ndarray
-    motion: np.ndarray
     courses: np.ndarray
-    log: np.ndarray
-    accounts: np.ndarray
-    notes: np.ndarray
-    ledger: Ledger
-    x: np.ndarray
-    v: np.ndarray
     everyone: np.ndarray
     answers: np.ndarray
-    nobody: tuple
     matter: Matter
     laws: np.ndarray
     dry: bool
@@ -190,7 +180,7 @@ def keep_path(gas, i, path):
 def spot_at(gas, i):
     """Return where a particle is, as surfaces.Spot, with its way in the step."""
     step, v = gas.numbers[STEP], three(gas.states, i, V)
-    rows, turns, end = gas.poses.shape[0] - 1, gas.motion.shape[0] - 1, gas.clock[END]
+    rows, turns, end = gas.world.poses.shape[0] - 1, gas.world.motion.shape[0] - 1, gas.clock[END]
     way = end * (length(v) + end * length(gas.forces.gravity))
     return Spot(min(step, turns), min(step, rows), min(step + 1, rows), i, i,
                 gas.states[i, RADIUS], gas.everyone, gas.answers, gas.everyone[:0], way)
@@ -231,8 +221,7 @@ def _led(gas, i, t):
     path, forces = path_of(gas, i), gas.forces
     if gas.ways[i, GLIDING] > 0.0:
         forces = smooth(forces)
-    return state_at(gas.rules, forces, spot_at(gas, i), gas.table, gas.poses, gas.courses,
-                    gas.work, path, t)
+    return state_at(gas.world, forces, spot_at(gas, i), gas.courses, gas.work, path, t)
 
 
 @inlined

@@ -66,29 +66,27 @@ def _end_bound_path(gas, i, t):
 
     """
     here, path, forces, states = spot_at(gas, i), path_of(gas, i), _forces_of(gas, i), gas.states
-    x, v = state_at(gas.rules, forces, here, gas.table, gas.poses, gas.courses, gas.work, path, t)
+    x, v = state_at(gas.world, forces, here, gas.courses, gas.work, path, t)
     kind = gas.links[i, KIND]
     if path.mode == SLIDES:
-        x, v = onto_surfaces(here, gas.table, gas.poses, gas.courses, path.holds, t, x, v)
+        x, v = onto_surfaces(gas.world, here, gas.courses, path.holds, t, x, v)
     gas.links[i, RELEASED] = NONE
     if t >= states[i, ENDS]:
         stopped = int(gas.ways[i, STOPPED])
         gas.links[i, RELEASED] = int(gas.ways[i, FREED])
         if stopped != NONE:
-            v = material_velocity(gas.courses, gas.poses, here, stopped // FACES, t, x)
+            v = material_velocity(gas.courses, gas.world.poses, here, stopped // FACES, t, x)
     if kind == PRESSES:
-        book_shift(gas.ledger, here, INTERNAL, subtract(x, path.x))
+        book_shift(gas.world.ledger, here, INTERNAL, subtract(x, path.x))
     elif kind == FROZEN and path.mode == FLIES:
         v = three(gas.ways, i, AFTER)
-        book_shift(gas.ledger, here, REPULSED, scaled(t - gas.clock[END], path.v))
+        book_shift(gas.world.ledger, here, REPULSED, scaled(t - gas.clock[END], path.v))
     elif kind == FROZEN:
         _book_held(gas, i, path, t, x, v)
     else:
         if path.mode != FLIES:
-            _log_holds(forces, here, gas.table, gas.poses, gas.courses, gas.log, gas.accounts,
-                       path, v, t, x, v)
-        book_path(gas.ledger, gas.rules, forces, here, gas.table, gas.poses, gas.courses,
-                  gas.work, path, t, x, v)
+            _log_holds(forces, gas.world, here, gas.courses, path, v, t, x, v)
+        book_path(gas.world, forces, here, gas.courses, gas.work, path, t, x, v)
     put_three(states, i, X, x)
     put_three(states, i, V, v)
     states[i, SINCE] = t
@@ -97,16 +95,16 @@ def _end_bound_path(gas, i, t):
 @kernel
 def _book_held(gas, i, path, t, x, v):
     """Book the way of a particle that goes along with a collider that holds it."""
-    if is_kept(gas.ledger):
+    if is_kept(gas.world.ledger):
         here = spot_at(gas, i)
-        book_shift(gas.ledger, here, REPULSED, subtract(x, path.x))
-        book(gas.ledger, here, REPULSED, kinetic(path.v, v))
+        book_shift(gas.world.ledger, here, REPULSED, subtract(x, path.x))
+        book(gas.world.ledger, here, REPULSED, kinetic(path.v, v))
 
 
 @inlined
 def bring_up(gas, i, t):
     """Let the path of a particle end at a time."""
-    if gas.simple and not is_kept(gas.ledger):
+    if gas.simple and not is_kept(gas.world.ledger):
         x, v = state_of(gas, i, t)
         put_three(gas.states, i, X, x)
         put_three(gas.states, i, V, v)
@@ -124,8 +122,7 @@ def _bring_up_booked(gas, i, t):
     states, f = gas.states, gas.forces
     path = Path(FLIES, NOBODY, states[i, SINCE], three(states, i, X), three(states, i, V), True,
                 f.gravity, f.linear, 0.0, False)
-    book_path(gas.ledger, gas.rules, f, spot_at(gas, i), gas.table, gas.poses, gas.courses,
-              gas.work, path, t, x, v)
+    book_path(gas.world, f, spot_at(gas, i), gas.courses, gas.work, path, t, x, v)
     put_three(states, i, X, x)
     put_three(states, i, V, v)
     states[i, SINCE] = t
@@ -134,8 +131,8 @@ def _bring_up_booked(gas, i, t):
 @kernel
 def gather_walls(gas, i, t):
     """Gather the colliders that a particle touches and does not leave; how many, in gas.met."""
-    return gather(gas.rules, spot_at(gas, i), gas.table, gas.poses, gas.courses, gas.met, t,
-                  three(gas.states, i, X), three(gas.states, i, V), 1.0, True)
+    return gather(gas.world, spot_at(gas, i), gas.courses, gas.met, t, three(gas.states, i, X),
+                  three(gas.states, i, V), 1.0, True)
 
 
 @kernel
@@ -160,16 +157,16 @@ def begin_bound_path(gas, i, t):
     if _approaches(gas.met, gather_walls(gas, i, t)):
         _wait(gas, i, t)
         return
-    mode, holds = choose_mode(gas.rules, gas.forces, here, gas.table, gas.poses, gas.courses,
-                              gas.met, links[i, RELEASED], t, x, v)
+    mode, holds = choose_mode(gas.world, gas.forces, here, gas.courses, gas.met,
+                              links[i, RELEASED], t, x, v)
     ways[i, GLIDING] = mode == GLIDES
     if mode != FLIES and links[i, COUNTED] == 0:
         links[i, COUNTED] = 1
-        gas.accounts[i, N_CONTACT] += 1
-    path, end, stopped, released, pace = next_event(
-        gas.rules, _forces_of(gas, i), here, gas.table, gas.poses, gas.courses, gas.work,
-        gas.accounts, SLIDES if mode == GLIDES else mode, holds, t, gas.clock[END], x, v,
-        states[i, PACE])
+        gas.world.accounts[i, N_CONTACT] += 1
+    path, end, stopped, released, pace = next_event(gas.world, _forces_of(gas, i), here,
+                                                    gas.courses, gas.work,
+                                                    SLIDES if mode == GLIDES else mode, holds, t,
+                                                    gas.clock[END], x, v, states[i, PACE])
     put_three(states, i, V, path.v)
     states[i, ENDS], states[i, PACE] = end, pace
     ways[i, STOPPED], ways[i, FREED] = stopped, released
@@ -192,10 +189,10 @@ def freeze_to(gas, i, s, t):
     """Fail-safe of a particle that closing surfaces hold: it goes along with one of them."""
     here, c, states = spot_at(gas, i), s // FACES, gas.states
     x, v = three(states, i, X), three(states, i, V)
-    gas.accounts[i, N_FAIL_SAFE] += 1
-    note_unplaced(here, gas.accounts, gas.notes, c, NONE)
-    obj = material_velocity(gas.courses, gas.poses, here, c, t, x)
-    _book_stop(gas.ledger, here, REPULSED, c, obj, x, v, x, obj)
+    gas.world.accounts[i, N_FAIL_SAFE] += 1
+    note_unplaced(gas.world, here, c, NONE)
+    obj = material_velocity(gas.courses, gas.world.poses, here, c, t, x)
+    _book_stop(gas.world.ledger, here, REPULSED, c, obj, x, v, x, obj)
     put_three(states, i, V, obj)
     keep_path(gas, i, Path(RESTS, (s, NONE, NONE), t, x, obj, False, ZERO, 0.0, 0.0, False))
     states[i, ENDS], gas.links[i, KIND] = inf, FROZEN
@@ -224,19 +221,16 @@ def answer_walls(gas, i, t):
     rapid = t == last or hop <= HOP * (length(x) + here.way)
     links[i, RAPID] = links[i, RAPID] + 1 if rapid else 0
     states[i, LATEST], links[i, RELEASED] = t, NONE
-    if count > 1 and _is_squeezed(here, gas.courses, gas.poses, met, count, t, x, v):
+    if count > 1 and _is_squeezed(here, gas.courses, gas.world.poses, met, count, t, x, v):
         freeze_to(gas, i, surface_of(met, 0), t)
         return
     if links[i, RAPID] <= CHATTER:
-        v = _collide(gas.rules, gas.forces, here, gas.table, gas.poses, gas.courses, gas.log,
-                     gas.accounts, gas.ledger, met, count, gas.clock[END], t, x, v)
+        v = _collide(gas.world, gas.forces, here, gas.courses, met, count, gas.clock[END], t, x, v)
     else:
         links[i, RAPID] = 0
-        x, v = _stop_jointly(gas.rules, here, gas.table, gas.poses, gas.courses, gas.log,
-                             gas.accounts, gas.ledger, met, t, x, v)
+        x, v = _stop_jointly(gas.world, here, gas.courses, met, t, x, v)
         put_three(states, i, X, x)
-        count = gather(gas.rules, here, gas.table, gas.poses, gas.courses, met, t, x, v, 1.0,
-                       False)
+        count = gather(gas.world, here, gas.courses, met, t, x, v, 1.0, False)
         if _approaches(met, count):
             freeze_to(gas, i, surface_of(met, 0), t)
             return
@@ -250,12 +244,11 @@ def start_bound(gas, i):
     x, v, end = three(states, i, X), three(states, i, V), gas.clock[END]
     states[i, PACE] = end
     gas.links[i, RELEASED] = NONE
-    if not _is_inside(here, gas.table, gas.poses, gas.courses, 0.0, x):
+    if not _is_inside(gas.world, here, gas.courses, 0.0, x):
         gas.links[i, KIND] = BOUND
         return
-    _book_candidate(gas.ledger, gas.rules, as_here(here), v)
-    x1, v1 = resolve(gas.rules, as_here(here), gas.table, gas.poses, gas.motion, gas.log,
-                     gas.accounts, gas.notes, x, v, gas.ledger, gas.nobody)
+    _book_candidate(gas.world, as_here(here), v)
+    x1, v1 = resolve(gas.world, as_here(here), x, v)
     way = scaled(1.0 / end, subtract(x1, x))
     put_three(states, i, V, way)
     put_three(gas.ways, i, AFTER, v1)
@@ -270,7 +263,6 @@ def settle_walls(gas, i, x0):
     """Take rounding out of a place at the end of a step; who is deeper is pushed and counted."""
     here, states = spot_at(gas, i), gas.states
     x, v = three(states, i, X), three(states, i, V)
-    place = _settle(gas.rules, here, gas.table, gas.poses, gas.motion, gas.courses, gas.accounts,
-                    gas.notes, gas.met, gas.clock[END], x0, x, v)
-    book_shift(gas.ledger, here, REPULSED, subtract(place, x))
+    place = _settle(gas.world, here, gas.courses, gas.met, gas.clock[END], x0, x, v)
+    book_shift(gas.world.ledger, here, REPULSED, subtract(place, x))
     put_three(states, i, X, place)
