@@ -79,7 +79,7 @@ def is_still(step):
 
 def is_uncapped(step):
     """
-    Whether wet friction of the linear form may reverse and drive (README) in a step.
+    Whether wet friction of the linear form may reverse and drive (laws.md) in a step.
 
     It does where D dv_N > 2. The change of normal velocity is at most twice what takes part.
     """
@@ -114,7 +114,7 @@ def overlap(case, step):
 
 
 def ledger_closes(case, run, random):
-    """See that the accounts of energy and momentum leave rounding: README promises 1e-15."""
+    """See that the accounts of energy and momentum leave rounding: promise.md says 1e-15."""
     for k, step in enumerate(run):
         if step.balance is None or is_excused(step):
             continue
@@ -223,8 +223,8 @@ def _lift_of_slides(case, step):
     Energy that balls that slide round each other may gain in a step [J]: M g s^2 / 2 D.
 
     Who slides by s round a ball, at a distance D of the centres, is put on it and is s^2 / 2 D
-    above the chord; what gravity then does is told apart from what holds him to first order (in
-    README). M is the mass of all that hang together with the two: others may lie on them.
+    above the chord; what gravity then does is told apart from what holds him to first order
+    (promise.md). M is the mass of all that hang together with the two: others may lie on them.
     """
     radius, g = each(case, 'radius', 0.0), np.linalg.norm(step.scene.gravity)
     near, lift = 1e-6 + g * step.scene.stepping.dt ** 2, 0.0

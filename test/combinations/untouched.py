@@ -16,7 +16,7 @@
 Checks 3: nothing that is not touched matters; the same bits.
 
 Each plays the case in another way and compares places, velocities, counters and contacts with
-those of the run, bit for bit: README promises the same bits for the same input on any number of
+those of the run, bit for bit: promise.md says the same bits for the same input on any number of
 threads, design.md for colliders that nobody touches and for the order of colliders and particles.
 """
 
