@@ -217,9 +217,8 @@ def test_equation_of_state():
     """
     N. F. Carnahan, K. E. Starling (1969): p V / N k T = (1 + f + f^2 - f^3) / (1 - f)^3.
 
-    The pressure is that in the middle of the box, by the virial of what hits there would need
-    more than is logged; so it is that on the walls, of a box whose packing is that of the middle:
-    the density profile at a wall holds more balls, so N / V is counted in the middle.
+    The pressure is that on the middle of the walls, where their edges are far; the density that in
+    the middle of the box, since it is larger at a wall.
     """
     sim, side = gas(6 ** 3 * 8, packing=0.2, dt=0.05)
     sim.record_contacts = False
@@ -232,8 +231,10 @@ def test_equation_of_state():
         start.step()
         count += np.all(np.abs(start.position) < inner, axis=1).sum()
         contacts = start.contacts
-        impulse += np.abs(contacts.impulse).sum()
-    pressure = impulse / (samples * start.dt) / (6 * (side - 0.1) ** 2)
+        across = np.sort(np.abs(contacts.point), axis=1)[:, :2]     # the largest is at the wall
+        inside = (across < inner).all(axis=1)
+        impulse += np.abs(contacts.impulse[inside]).sum()
+    pressure = impulse / (samples * start.dt) / (6 * (2 * inner) ** 2)
     density = count / samples / (2 * inner) ** 3
     packing = density * 4 / 3 * pi * 0.05 ** 3
     temperature = (start.velocity ** 2).mean()
