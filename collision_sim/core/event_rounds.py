@@ -32,14 +32,14 @@ from math import inf
 from collision_sim.core.cells import MANY
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UNPUSHED, IMPULSE,
                                                INVERSE, LAW_ROW, MASS, MEAN_BOUND, NORMAL, put_at)
-from collision_sim.core.courses import material_velocity
+from collision_sim.core.courses import carried, material_velocity
 from collision_sim.core.event_cells import cell_number
 from collision_sim.core.event_meetings import (can_meet, change_cell, least_closing, predict,
-                                               reach, TIE)
+                                               reach, SOON, TIE)
 from collision_sim.core.event_presses import brisk, chord_rise, go_on, is_slow
 from collision_sim.core.event_queue import reseat, seat_at
-from collision_sim.core.event_state import (AGE, AT, END, ENDS, HITS, KIND, LATEST, LEAVES, MEETS,
-                                            NEXT_BEST, OTHER, OTHER_AGE, PRESSES, put_three,
+from collision_sim.core.event_state import (AGE, AT, BEAT, END, ENDS, HITS, KIND, LATEST, LEAVES,
+                                            MEETS, NEXT_BEST, OTHER, OTHER_AGE, PRESSES, put_three,
                                             RADIUS, RAPID, ROUND, ROUNDS, ROW, SETTLES, spot_at,
                                             state_of, STRUCK, take_in, three, V, X)
 from collision_sim.core.event_walls import answer_walls, bring_up, gather_walls
@@ -62,6 +62,7 @@ CHATTER = 64            # collisions without time in between after which a parti
 ALL = 1 << 40           # contacts: no limit
 UNITED = -2             # label of a body that has been counted
 PATIENCE = 8            # collisions without time in between with a wall that chords lead off it
+STEEP = 100.0           # times what a velocity lacks: up to there it gets faster, not turned
 CLOSE = 10.0            # times TIE: who hangs together in a collapse
 
 
@@ -198,6 +199,16 @@ def _note_pace(gas, i, t, speed, size):
     return links[i, RAPID] > CHATTER or links[i, HITS] > MANY
 
 
+@inlined
+def _outrun(gas, i, c, obj, n, t, rest):
+    """Speed [m/s] by which a collider that accelerates gets ahead of its velocity in a time."""
+    if not rest > 0.0:
+        return 0.0
+    x = three(gas.states, i, X)
+    ahead = carried(gas.courses, gas.world.poses, spot_at(gas, i), c, x, t, t + rest)
+    return max(dot(subtract(scaled(1.0 / rest, subtract(ahead, x)), obj), n), 0.0)
+
+
 @kernel
 def list_walls(gas, row, t, first, count, lasting):
     """
@@ -223,7 +234,10 @@ def list_walls(gas, row, t, first, count, lasting):
                 w, face = subtract(three(gas.states, i, V), obj), surface_of(gas.met, k) % FACES
                 if gas.links[i, RAPID] < PATIENCE:
                     rise = chord_rise(gas, c, face, w, n, gas.states[i, RADIUS], max(rest, 0.0))
-                _note_pace(gas, i, t, length(w), gas.states[i, RADIUS])
+                    rise += _outrun(gas, i, c, obj, n, t, rest)
+                soon = t - gas.states[i, LATEST] <= SOON * gas.clock[BEAT]
+                gas.links[i, RAPID] = gas.links[i, RAPID] + 1 if soon else 0
+                gas.states[i, LATEST] = t
             write_contact(gas, count, row, body, law, c, n)
             gas.pile.contacts[count, MEAN_BOUND] = rise
             count += 1
@@ -342,12 +356,14 @@ def _unite(gas, first, count):
 
 @inlined
 def _raised(v, obj, n, rise):
-    """Turn a velocity off a round wall, so that the chord that follows stays within it."""
+    """Turn a velocity off a wall, so that the straight way that follows does not lead into it."""
     w = subtract(v, obj)
     lacks = rise - dot(w, n)
     if not lacks > 0.0:
         return v
     turned = add_scaled(w, lacks, n)
+    if length(w) <= STEEP * lacks:
+        return add(obj, turned)
     return add_scaled(obj, length(w) / length(turned), turned)
 
 
