@@ -28,6 +28,7 @@ from collision_sim.core.springs import elastic_energy
 from collision_sim.core.stepping import step_blocks
 from collision_sim.core.strikes import strike_blocks
 from collision_sim.core.threads import Crew, share
+from collision_sim.core.world import refer_world
 from collision_sim.pair_solver import PairSolver
 from collision_sim.spring_solvers import ExplicitSprings, ImplicitSprings
 
@@ -132,7 +133,7 @@ class Coupling:
     def _crew_for(self, world):
         """Give the crew of a substep; that of the last one, where it works on the same world."""
         if self._world is None or any(a is not b for a, b in zip(world, self._world)):
-            crew = Crew(step_blocks, refer(world), stays=False)
+            crew = Crew(step_blocks, refer_world(world), stays=False)
             if not self._prepared:      # before anything changes
                 crew.prepare()
                 self._prepared = True
@@ -142,7 +143,7 @@ class Coupling:
     def _strike(self, world, threads):
         """Take the collision stage against colliders; whether anybody has collided."""
         before = world.accounts[:, N_COLLISION].sum()
-        share(strike_blocks, threads if len(world.accounts) > FEW else 1, refer(world))
+        share(strike_blocks, threads if len(world.accounts) > FEW else 1, refer_world(world))
         return world.accounts[:, N_COLLISION].sum() > before
 
     def elastic_energy(self, x):

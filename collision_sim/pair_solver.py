@@ -30,10 +30,10 @@ from collision_sim.core.pair_memory import Memory
 from collision_sim.core.pair_walls import make_walls, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
-from collision_sim.core.reference import refer
 from collision_sim.core.rules import N_UNDECIDED, NONE
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import prepare, share
+from collision_sim.core.world import refer_world
 from collision_sim.tables import collider_table, pair_row
 import numpy as np
 
@@ -120,7 +120,7 @@ class PairSolver:
         world.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        singly = refer(world._replace(rules=_answered_singly(rules)))
+        singly = refer_world(world._replace(rules=_answered_singly(rules)))
         bounces = self._find_bounces(singly, threads)
         if pairs == 0 and bounces == 0:
             self.forget()

@@ -39,7 +39,7 @@ from collision_sim.core.rules import (ACCOUNTS, CHANGE, COUNTERS, LOG, MOST_CONT
 from collision_sim.core.shapes import distances, Present
 from collision_sim.core.stepping import BLOCK, block_size, EVENT_BLOCK, step_blocks
 from collision_sim.core.threads import Crew, share
-from collision_sim.core.world import World
+from collision_sim.core.world import refer_world, World
 from collision_sim.kinematics import Kinematics
 from collision_sim.tables import acting_forces, collider_table, mesh_tables, step_rules
 import numba
@@ -454,12 +454,12 @@ class Simulation:
         elif self._forces is not None:
             from collision_sim.core.exact import step_events    # takes a while
             share(step_events, self._threads if len(self._accounts) > 1 else 1,
-                  refer(self._world(rules)), self._forces, dt, steps, colliders.courses)
+                  refer_world(self._world(rules)), self._forces, dt, steps, colliders.courses)
         elif self._coupling is not None:
             self._coupling.step(self._world(rules), colliders.row, self._threads)
         else:
             if self._planned != colliders.laid_out:
-                self._crew = Crew(step_blocks, refer(self._world(rules)))
+                self._crew = Crew(step_blocks, refer_world(self._world(rules)))
                 self._planned = colliders.laid_out
             self._crew.run(self._threads, len(self._accounts), steps, colliders.row)
 

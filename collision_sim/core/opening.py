@@ -30,10 +30,10 @@ from collision_sim.core.modules import (BLOCKER, BOOK_PASS, BOOK_TWO, MEETING_ON
                                         MESH_BOXES, MESH_DEPTH, MESH_DISTANCE, MESH_END, MESH_GAP,
                                         MESH_HIT, MESH_WAY, MESHES_ON_WAY, NORMAL_BETWEEN,
                                         SURVEY_PATH, TO_BOTH_SURFACES, TO_SURFACE)
-from collision_sim.core.reference import refer
 from collision_sim.core.rules import Here, NOTHING
 from collision_sim.core.second_order import to_both_surfaces, to_surface
 from collision_sim.core.shapes import DISTANCE
+from collision_sim.core.world import refer_world
 import numpy as np
 
 
@@ -125,7 +125,7 @@ def open_modules(world):
         Of a step in this scene.
 
     """
-    rules, world = world.rules, refer(world)
+    rules, world = world.rules, refer_world(world)
     if rules.present.meshes.heads.size:
         open_meshes(rules.present, world.table, world.poses, world.motion)
     if rules.sweep:

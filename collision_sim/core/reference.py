@@ -22,22 +22,28 @@ Its attributes are those of the value. It lives as long as the object that `refe
 
 from collision_sim.core.jit import law
 from llvmlite import ir
-from numba import config, types
+from numba import config, typeof, types
 from numba.core import cgutils
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (infer_getattr, intrinsic, lower_getattr_generic, models, NativeValue,
-                             register_model, typeof_impl, unbox)
+                             register_jitable, register_model, typeof_impl, unbox)
 from numba.np.arrayobj import make_array
 import numpy as np
 
+ROOM = 512              # words of a value, at most
+
 if config.DISABLE_JIT:
-    def refer(value):
+    def refer(value, store=None):
         """Return the value itself, which plain Python hands over just as well."""
         return value
 
     def refer_here(value):
         """Return the value itself."""
         return value
+
+    def put(words, value):
+        """Return how many words a value takes: none."""
+        return 0
 else:
     class Reference:
         """
@@ -50,15 +56,24 @@ else:
 
         """
 
-        def __init__(self, value):
+        def __init__(self, value, store=None):
             self.value = value
-            self._words = np.zeros(_words(value), dtype=np.int64)
-            _store(self._words, value)
+            self._words = np.zeros(ROOM, dtype=np.int64)
+            size = store(self._words, *value) if store else _store(self._words, value)
+            if size > ROOM:
+                raise TypeError(f'{type(value).__name__} takes more than {ROOM} words: {size}')
             self.address = self._words.ctypes.data
+
+        @property
+        def _numba_type_(self):
+            """Numba's type, where Numba looks for it: it takes 0.2 ms to find it anew."""
+            if '_kind' not in self.__dict__:
+                self._kind = ReferenceType(typeof(self.value))
+            return self._kind
 
         def __getattr__(self, name):
             """Return an attribute of the value."""
-            if name.startswith('__') or name in ('value', '_words', 'address'):
+            if name.startswith('_') or name in ('value', 'address'):
                 raise AttributeError(name)
             return getattr(self.value, name)
 
@@ -69,7 +84,7 @@ else:
         def _replace(self, **fields):
             return refer(self.value._replace(**fields))
 
-    def refer(value):
+    def refer(value, store=None):
         """
         Return a Reference to a value.
 
@@ -77,13 +92,16 @@ else:
         ----------
         value : NamedTuple
             Of numbers, arrays and tuples of these.
+        store : callable, optional
+            A law that does what `put` does, handed the words and each field by itself: Numba finds
+            the type of a tuple with References in it in 0.5 ms, and theirs in 2 us.
 
         Returns
         -------
         Reference
 
         """
-        return Reference(value)
+        return Reference(value, store)
 
     class ReferenceType(types.Type):
         """Numba's type of a Reference; it `refers`, so it can be handed over by address."""
@@ -170,11 +188,14 @@ else:
         return ReferenceType(value)(value), generate
 
     @law
-    def _words(value):
-        """Return how many words of 64 bits a value takes."""
-        return (_size(value) + 7) // 8
-
-    @law
     def _store(words, value):
-        """Write a value to its words."""
-        _put(words, value)
+        """Write a value to its words, if it takes no more; return how many it takes."""
+        return put(words, value)
+
+    @register_jitable
+    def put(words, value):
+        """Write a value to words, if it takes no more than these; return how many it takes."""
+        size = (_size(value) + 7) // 8
+        if size <= words.shape[0]:
+            _put(words, value)
+        return size

@@ -18,7 +18,9 @@ from typing import NamedTuple
 
 from collision_sim.core.broad_phase import Grid
 from collision_sim.core.candidates import Candidates
+from collision_sim.core.jit import law
 from collision_sim.core.ledger import Ledger
+from collision_sim.core.reference import put, refer
 from collision_sim.core.rules import Rules
 import numpy as np
 
@@ -52,3 +54,16 @@ class World(NamedTuple):
     candidates: Candidates
     grid: Grid
     block: int
+
+
+@law
+def _store(words, rules, table, poses, motion, radius, log, accounts, notes, x, v, ledger,
+           candidates, grid, block):
+    """Write a World to its words; return how many it takes."""
+    return put(words, World(rules, table, poses, motion, radius, log, accounts, notes, x, v,
+                            ledger, candidates, grid, block))
+
+
+def refer_world(world):
+    """Return a Reference to a World."""
+    return refer(world, _store)
