@@ -30,6 +30,7 @@ from collision_sim.core.reference import refer
 from collision_sim.core.rules import NONE
 from collision_sim.core.shapes import RESTITUTION
 from collision_sim.core.surfaces import FACES
+from collision_sim.core.world import refer_world
 from collision_sim.tables import collider_table, pair_row
 import numpy as np
 
@@ -129,7 +130,7 @@ class EventPairs:
         dry, wet = self._frictions
         slow = 2.0 * float(np.linalg.norm(self._forces.gravity)) * dt / BEATS
         return Gas(
-            refer(world), self._forces, courses, everyone, np.empty((0, ANSWERS)),
+            refer_world(world), self._forces, courses, everyone, np.empty((0, ANSWERS)),
             self._matter, self._laws, world.rules.dry or dry,
             world.rules.wet or wet, dry, wet, float(self._laws[len(world.table), RESTITUTION]),
             self._simple, states, links, ways, np.zeros(CLOCK),
