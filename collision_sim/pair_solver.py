@@ -27,7 +27,7 @@ from collision_sim.core.neighbours import (BOUNDS, find_near, LARGEST, lay_out_c
                                            PIECE, QUEUE)
 from collision_sim.core.pair_collisions import collide_all
 from collision_sim.core.pair_memory import Memory
-from collision_sim.core.pair_walls import make_walls, Stage
+from collision_sim.core.pair_walls import make_walls, refer_stage, Stage
 from collision_sim.core.pairs import list_meetings, make_meetings, Matter, PairRules
 from collision_sim.core.piles import AGAIN, part, settle
 from collision_sim.core.rules import N_UNDECIDED, NONE
@@ -67,7 +67,7 @@ class PairSolver:
         self._bounced = np.empty(count, dtype=np.int64)
         self._bounces = np.zeros((len(self._bounds), 2), dtype=np.int64)
         self._near = _room(-(-2 * count // PIECE), 2 * QUEUE)
-        self._cells = None
+        self._cells = self._singly = None
         self._meetings, self._walls = make_meetings(0, count), make_walls(0)
         self._pile = make_pile(0, 0, _nobody(count))
         self._memory = Memory(np.zeros(1, dtype=np.int64), np.empty((0, 2), dtype=np.int64),
@@ -75,7 +75,7 @@ class PairSolver:
 
     def adopt(self, scene, rules):
         """Take the values of a scene, and the rules of its steps."""
-        radius, flight, self._compiled = self._matter.radius, rules.flight, set()
+        radius, flight, self._compiled = self._matter.radius, rules.flight, False
         calm = replace(scene.drag, wind=(0.0, 0.0, 0.0)) if scene.drag else None
         pull, unit = (flight_coefficients(g, calm, flight.dt, scene.stepping.flight)
                       for g in (scene.gravity, (1.0, 0.0, 0.0)))
@@ -120,7 +120,7 @@ class PairSolver:
         world.accounts[0, N_UNDECIDED] += self._near.cut[:pieces].sum()
         ends = np.cumsum(self._near.count[:pieces])
         pairs = int(ends[-1])
-        singly = refer_world(world._replace(rules=_answered_singly(rules)))
+        singly = refer_world(world._replace(rules=self._answered_singly(rules)))
         bounces = self._find_bounces(singly, threads)
         if pairs == 0 and bounces == 0:
             self.forget()
@@ -129,10 +129,10 @@ class PairSolver:
         if needed > len(self._meetings.ends):
             self._make_room(2 * needed)
         self._meetings.size[0] = pairs
-        stage = Stage(
+        stage = refer_stage(Stage(
             singly, self._rules, self._matter, self._meetings, self._memory, self._cells,
             self._moved, self._pile, self._walls, np.arange(len(world.table)),
-            len(world.poses) > 1, not rules.checks)
+            len(world.poses) > 1, not rules.checks))
         self._prepare(stage, base)
         share(list_meetings, threads, rules.sweep, self._rules.slow, rules.flight.dt,
               self._matter, self._memory, self._cells, self._near,
@@ -148,12 +148,17 @@ class PairSolver:
 
     def _prepare(self, stage, base):
         """Compile first what is called after velocities have changed: a signal parts them not."""
-        kind = tuple(each is None for each in stage)
-        if kind not in self._compiled:
+        if not self._compiled:
             prepare(settle, make_work(self._sweeps, self._rules.slow), stage, self._dry, self._wet,
                     base, self._bounced, self._bounces, False)
             bound(part, self._meetings, self._bounced, self._bounces)
-            self._compiled.add(kind)
+            self._compiled = True
+
+    def _answered_singly(self, rules):
+        """Rules of a step with a collision stage, whose particles are answered one by one."""
+        if self._singly is None or self._singly[0] is not rules:
+            self._singly = rules, rules._replace(checks=True, planes=False)
+        return self._singly[1]
 
     def _find_bounces(self, world, threads):
         """Find the particles that end inside a collider; how many there are."""
@@ -200,11 +205,6 @@ class PairSolver:
         while (self._near.count[:pieces] > self._near.found.shape[1]).any():
             self._near = _room(len(self._near.found), 2 * self._near.found.shape[1])
             share(find_near, threads, pieces, self._cells, self._near)
-
-
-def _answered_singly(rules):
-    """Rules of a step with a collision stage, whose particles are answered one by one."""
-    return rules._replace(checks=True, planes=False)
 
 
 def _nobody(count):

@@ -28,13 +28,14 @@ from collision_sim.core.cells import Cells
 from collision_sim.core.contact_solver import at, Pile, put_at
 from collision_sim.core.detection import detect, end_distance, starts_inside
 from collision_sim.core.impulses import respond
-from collision_sim.core.jit import inlined, kernel
+from collision_sim.core.jit import inlined, kernel, law
 from collision_sim.core.laws import normal_impulse, repulsion
 from collision_sim.core.motion import chord_velocity
 from collision_sim.core.pair_memory import Memory, recall, resting_speed
 from collision_sim.core.pairs import (BLUR, can_meet, column, end_normal, FIRST, HEAD, is_spent,
                                       Matter, meet, Meetings, NEAR, PairRules, put, SECOND,
                                       sort_by_place, TOUCH)
+from collision_sim.core.reference import put as put_value, refer
 from collision_sim.core.rules import Here, NONE, ROUNDING
 from collision_sim.core.shapes import RESTITUTION, signed_distance
 from collision_sim.core.stepping import BLOCK
@@ -95,6 +96,19 @@ class Stage(NamedTuple):
     everyone: np.ndarray
     moves: bool
     bounces: bool
+
+
+@law
+def _store(words, world, pair_rules, matter, meetings, memory, cells, moved, pile, walls, everyone,
+           moves, bounces):
+    """Write a Stage to its words; return how many it takes."""
+    return put_value(words, Stage(world, pair_rules, matter, meetings, memory, cells, moved, pile,
+                                  walls, everyone, moves, bounces))
+
+
+def refer_stage(stage):
+    """Return a Reference to a Stage."""
+    return refer(stage, _store)
 
 
 @inlined
