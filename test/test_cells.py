@@ -23,6 +23,7 @@ from collision_sim.core.flight import flight_coefficients
 from collision_sim.core.ledger import NO_LEDGER
 from collision_sim.core.neighbours import (BOUNDS, find_near, lay_out_cells, LOW_BITS, MOST_NEAR,
                                            Near, PHASES, PIECE)
+from collision_sim.core.reference import refer
 from collision_sim.core.stepping import BLOCK
 from collision_sim.core.threads import share
 import numpy as np
@@ -44,8 +45,8 @@ def search(x, v, base, dt=0.01, sweep=False, threads=1):
         warnings.simplefilter('ignore', RuntimeWarning)     # places at 1e300 m, without a compiler
         share(lay_out_cells, threads, np.zeros(2 * PHASES + 1, dtype=np.int64), cells,
               np.zeros((threads, LEVELS), dtype=np.int64),
-              np.full((-(-count // BLOCK), BOUNDS), base.max()), 1, sweep, flight, NO_LEDGER, base,
-              x, v, candidates, centre, extent)
+              np.full((-(-count // BLOCK), BOUNDS), base.max()), True, bool(sweep), flight,
+              refer(NO_LEDGER), base, x, v, candidates, centre, extent)
         used = -(-int(cells.start[slots_in(cells.levels)]) // PIECE)
         share(find_near, threads, used, cells, near)
     found = np.concatenate([near.found[p, :near.count[p]] for p in range(used)])

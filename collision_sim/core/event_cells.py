@@ -34,6 +34,7 @@ SLACK = 0.03            # share of a side that a particle may be outside its cel
 CROWD = 0.7             # share of the mean distance that the side of a cell is at least
 LOOSE = 1e-6            # share of a diameter that cells are larger than need be
 FEWEST = 4              # cells of a turn along an axis: the 27 differ then
+AROUND = 27             # cells
 FURTHEST = 2.0 ** 40    # cells from the origin: beyond, places are rounded to more than a cell
 
 
@@ -76,6 +77,14 @@ def cell_number(gas, a, b, c):
     counts = gas.grid.counts
     return ((a & (counts[0] - 1)) * counts[1] + (b & (counts[1] - 1))) * counts[2] + (
         c & (counts[2] - 1))
+
+
+@inlined
+def cell_beside(gas, i, k):
+    """Return the number of cell k of the AROUND cells at and around that of a particle."""
+    links = gas.links
+    return cell_number(gas, links[i, AT] + k // 9 - 1, links[i, AT + 1] + k // 3 % 3 - 1,
+                       links[i, AT + 2] + k % 3 - 1)
 
 
 @inlined

@@ -35,10 +35,10 @@ from collision_sim.core.contact_solver import (at, colour_contacts, CONTACTS, EN
                                                KEPT_IMPULSE, LAW_ROW, NORMAL, push, put_at,
                                                SIZE as BODIES, solve)
 from collision_sim.core.courses import carried, frame_acceleration
-from collision_sim.core.event_cells import cell_number
+from collision_sim.core.event_cells import AROUND, cell_beside
 from collision_sim.core.event_meetings import can_meet, closing_noise, predict, QUIET, reach, TIE
 from collision_sim.core.event_queue import reseat
-from collision_sim.core.event_state import (AFTER, AGE, AT, BEAT, BOUND, END, ENDS, FORCED, FREE,
+from collision_sim.core.event_state import (AFTER, AGE, BEAT, BOUND, END, ENDS, FORCED, FREE,
                                             FREED, FROZEN, GLIDING, HITS, keep_path, KIND, path_of,
                                             PRESSES, PRESSING, put_three, RADIUS, ROUND, ROUNDS,
                                             ROW, SETTLES, spot_at, state_of, STOPPED, STRUCK,
@@ -198,16 +198,13 @@ def _lean(gas, i, j, t):
 @kernel
 def press_on(gas, row, t):
     """Let a particle of the round press from now on, with all that lean on each other there."""
-    links, i = gas.links, gas.struck[row]
-    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
-    for p in range(a - 1, a + 2):
-        for q in range(b - 1, b + 2):
-            for s in range(c - 1, c + 2):
-                j = gas.grid.head[cell_number(gas, p, q, s)]
-                while j != NONE:
-                    if j != i:
-                        _lean(gas, i, j, t)
-                    j = gas.grid.after[j]
+    i = gas.struck[row]
+    for k in range(AROUND):
+        j = gas.grid.head[cell_beside(gas, i, k)]
+        while j != NONE:
+            if j != i:
+                _lean(gas, i, j, t)
+            j = gas.grid.after[j]
 
 
 @inlined
@@ -272,16 +269,13 @@ def _list_near(gas, row, i, j, t, h, count):
 def _list_others(gas, row, t, h, count):
     """List the contacts of a particle that presses with other particles; how many there are."""
     links, i = gas.links, gas.struck[row]
-    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
-    for p in range(a - 1, a + 2):
-        for q in range(b - 1, b + 2):
-            for s in range(c - 1, c + 2):
-                j = gas.grid.head[cell_number(gas, p, q, s)]
-                while j != NONE:
-                    fixed = gas.matter.inverse[j] == 0.0
-                    if fixed or (links[j, KIND] == PRESSES and links[j, ROW] > row):
-                        count = _list_near(gas, row, i, j, t, h, count)
-                    j = gas.grid.after[j]
+    for k in range(AROUND):
+        j = gas.grid.head[cell_beside(gas, i, k)]
+        while j != NONE:
+            fixed = gas.matter.inverse[j] == 0.0
+            if fixed or (links[j, KIND] == PRESSES and links[j, ROW] > row):
+                count = _list_near(gas, row, i, j, t, h, count)
+            j = gas.grid.after[j]
     return count
 
 

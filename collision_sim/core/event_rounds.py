@@ -33,12 +33,12 @@ from collision_sim.core.cells import MANY
 from collision_sim.core.contact_solver import (at, END_BOUND, ENDING, FREE as UNPUSHED, IMPULSE,
                                                INVERSE, LAW_ROW, MASS, MEAN_BOUND, NORMAL, put_at)
 from collision_sim.core.courses import carried, material_velocity
-from collision_sim.core.event_cells import cell_number
+from collision_sim.core.event_cells import AROUND, cell_beside
 from collision_sim.core.event_meetings import (can_meet, change_cell, least_closing, predict,
                                                reach, SOON, TIE)
 from collision_sim.core.event_presses import brisk, chord_rise, go_on, is_slow
 from collision_sim.core.event_queue import reseat, seat_at
-from collision_sim.core.event_state import (AGE, AT, BEAT, END, ENDS, HITS, KIND, LATEST, LEAVES,
+from collision_sim.core.event_state import (AGE, BEAT, END, ENDS, HITS, KIND, LATEST, LEAVES,
                                             MEETS, NEXT_BEST, OTHER, OTHER_AGE, PRESSES, put_three,
                                             RADIUS, RAPID, ROUND, ROUNDS, ROW, SETTLES, spot_at,
                                             state_of, STRUCK, take_in, three, V, X)
@@ -176,16 +176,13 @@ def _list_touch(gas, row, i, j, t, count, lasting):
 @inlined
 def list_touches(gas, row, t, count, lasting):
     """List the contacts of a particle of the round with others; how many there are then."""
-    links, i = gas.links, gas.struck[row]
-    a, b, c = links[i, AT], links[i, AT + 1], links[i, AT + 2]
-    for p in range(a - 1, a + 2):
-        for q in range(b - 1, b + 2):
-            for s in range(c - 1, c + 2):
-                j = gas.grid.head[cell_number(gas, p, q, s)]
-                while j != NONE:
-                    if not _looks_back(gas, j, row):
-                        count = _list_touch(gas, row, i, j, t, count, lasting)
-                    j = gas.grid.after[j]
+    i = gas.struck[row]
+    for k in range(AROUND):
+        j = gas.grid.head[cell_beside(gas, i, k)]
+        while j != NONE:
+            if not _looks_back(gas, j, row):
+                count = _list_touch(gas, row, i, j, t, count, lasting)
+            j = gas.grid.after[j]
     return count
 
 
