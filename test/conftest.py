@@ -64,7 +64,7 @@ def pytest_collection_modifyitems(items):
         if item.path in quick and not item.get_closest_marker('slow'):
             item.add_marker('quick')
     if os.environ.get('NUMBA_DISABLE_JIT', '0') == '0':
-        skip = pytest.mark.skip(reason='each scene has kernels of its own: see .ci/run')
+        skip = pytest.mark.skip(reason='runs without the compiler: see the last tests of .ci/run')
         for item in items:
             named = {marker.name for marker in item.iter_markers()}
             if 'plain' in named and not named & {'jit', 'slow'}:

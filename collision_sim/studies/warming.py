@@ -15,8 +15,8 @@
 """
 Compile the kernels of a refinement before it measures, on all cores.
 
-Each combination of features has a kernel of its own, which takes seconds to compile. Processes do
-that side by side, each running this module; they hand the result over by Numba's cache on disk.
+Modules of the core take seconds to compile. Processes do that side by side, each running this
+module; they hand the result over by Numba's cache on disk.
 """
 
 import os
@@ -32,12 +32,11 @@ from tqdm import tqdm
 
 
 def kernel(case, setting):
-    """Give what tells kernels apart: features of a scene, method and detection."""
-    scene, colliders = case.scene, case.scene.get('colliders') or []
-    method = setting.method.replace('multi_pass', 'single_pass')        # share theirs
-    return (frozenset(collider['shape'] for collider in colliders),
+    """Return what the modules that a run needs depend on: meshes, motion, method, detection."""
+    colliders = case.scene.get('colliders') or []
+    return (any(collider['shape'] == 'mesh' for collider in colliders),
             any('motion' in collider or 'topic' in collider for collider in colliders),
-            str(scene.get('drag')), method, setting.detection)
+            setting.method, setting.detection)
 
 
 def refusal(scene, setting):

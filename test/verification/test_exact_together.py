@@ -25,7 +25,7 @@ from small_scenes import box, G, plane, simulate, sphere, UPRIGHT
 pytestmark = pytest.mark.plain
 
 compiled = pytest.mark.jit      # without the compiler they take minutes
-interpreted = pytest.mark.skipif(not config.DISABLE_JIT, reason='each scene has its own kernels')
+interpreted = pytest.mark.skipif(not config.DISABLE_JIT, reason='runs without the compiler')
 
 WEIGHTLESS = (0.0, 0.0, 0.0)
 AWAY = [
