@@ -30,13 +30,16 @@ from collision_sim.scene import Scene
 from collision_sim.simulation import Simulation
 from tqdm import tqdm
 
+OWN_MODULES = ('exact', 'second_order_contact')     # methods that have some
+
 
 def kernel(case, setting):
-    """Return what the modules that a run needs depend on: meshes, motion, method, detection."""
+    """Return what the modules that a run needs depend on; values of the scene are not in it."""
     colliders = case.scene.get('colliders') or []
     return (any(collider['shape'] == 'mesh' for collider in colliders),
             any('motion' in collider or 'topic' in collider for collider in colliders),
-            setting.method, setting.detection)
+            'pairs' in case.scene, 'springs' in case.scene,
+            setting.method if setting.method in OWN_MODULES else None, setting.detection)
 
 
 def refusal(scene, setting):

@@ -275,10 +275,13 @@ def test_compiling_in_another_process():
 
 
 def test_kernels_are_told_apart():
-    """Motion and drag make kernels of their own; values, and a second pass, do not."""
+    """Motion, pairs, meshes and some ways to step need modules; drag and more passes do not."""
     bounce, oblique, wall, drag, *_ = all_cases(16)
-    assert warming.kernel(bounce, WAY) == warming.kernel(oblique, WAY)
-    several = {warming.kernel(case, WAY) for case in (bounce, wall, drag)}
-    assert len(several) == 3
-    assert warming.kernel(bounce, FEW[1]) == warming.kernel(
-        bounce, WAY._replace(method='multi_pass')) != warming.kernel(bounce, WAY)
+    assert len({warming.kernel(case, WAY) for case in (bounce, oblique, drag)}) == 1
+    assert warming.kernel(bounce, FEW[1]) == warming.kernel(bounce, WAY)
+    pairs, mesh = (bounce._replace(scene={**bounce.scene, **more}) for more in (
+        {'pairs': {}}, {'colliders': [{'shape': 'mesh'}]}))
+    needed = [warming.kernel(case, WAY) for case in (bounce, wall, pairs, mesh)] + [
+        warming.kernel(bounce, WAY._replace(**way)) for way in (
+            {'method': 'exact'}, {'method': 'second_order_contact'}, {'detection': 'trajectory'})]
+    assert len(set(needed)) == len(needed)
